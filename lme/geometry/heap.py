@@ -21,9 +21,12 @@ def push(keys: Floats, items: Items, size: int, key: float, item: int) -> int:
     """Push an item and return the new size, which must fit the arrays."""
     k = size
     # Parents with a greater key move down until the new item fits.
-    while k > 0 and key < keys[(k - 1) // 2]:
-        keys[k], items[k] = keys[(k - 1) // 2], items[(k - 1) // 2]
-        k = (k - 1) // 2
+    while k > 0:
+        parent = (k - 1) >> 1
+        if not key < keys[parent]:
+            break
+        keys[k], items[k] = keys[parent], items[parent]
+        k = parent
     keys[k], items[k] = key, item
     return size + 1
 
@@ -34,14 +37,21 @@ def pop(keys: Floats, items: Items, size: int) -> int:
     size -= 1
     key, item = keys[size], items[size]
     k, child = 0, 1
-    # The last item sinks from the root; the lesser child of each pair moves up.
-    while child < size:
-        if child + 1 < size and keys[child + 1] < keys[child]:
-            child += 1
-        if key <= keys[child]:
-            break
+    # The lesser child of each pair moves up, without a branch that could not be predicted.
+    while child + 1 < size:
+        child += keys[child + 1] < keys[child]
         keys[k], items[k] = keys[child], items[child]
         k, child = child, 2 * child + 1
+    if child < size:
+        keys[k], items[k] = keys[child], items[child]
+        k = child
+    # The last item, which mostly belongs near the bottom, rises to where it would have stopped on the way down.
+    while k > 0:
+        parent = (k - 1) >> 1
+        if not key <= keys[parent]:
+            break
+        keys[k], items[k] = keys[parent], items[parent]
+        k = parent
     keys[k], items[k] = key, item
     return size
 

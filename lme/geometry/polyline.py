@@ -85,5 +85,25 @@ def exit_point(line: Floats, radius: float) -> tuple[float, float, float]:
 def evenly_spaced(line: Floats, spacing: float) -> Floats:
     """Points (P, 2), P ≥ 2, at equal distances of at most `spacing` [m] along the polyline (K, 2), ends included."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-    samples = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / spacing) + 1))
-    return np.column_stack([np.interp(samples, along, line[:, axis]) for axis in (0, 1)])
+    points: Floats = _sampled(line, along, max(2, math.ceil(along[-1] / spacing) + 1))
+    return points
+
+
+@njit(cache=True, error_model="numpy")
+def _sampled(line: Floats, along: Floats, count: int) -> Floats:
+    """Points (count, 2) at equal distances on the polyline (K, 2), ends included; along (K,): distance of its points.
+
+    It does what np.linspace and np.interp do, at once for both axes.
+    """
+    points = np.empty((count, 2))
+    step, last, i = along[-1] / (count - 1), len(line) - 1, 0
+    for k in range(count):
+        position = k * step if k < count - 1 else along[-1]
+        while i < last and along[i + 1] <= position:
+            i += 1
+        points[k, 0], points[k, 1] = line[i, 0], line[i, 1]
+        if position > along[i] and i < last:
+            for axis in range(2):
+                slope = (line[i + 1, axis] - line[i, axis]) / (along[i + 1] - along[i])
+                points[k, axis] = slope * (position - along[i]) + line[i, axis]
+    return points

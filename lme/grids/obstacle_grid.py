@@ -44,7 +44,7 @@ def observe(
     angles: tuple[float, float],
     spans: tuple[float, float, float, float],
     inf_is_valid: bool,
-) -> None:
+) -> bool:
     """Mark the cells that beams of scan `number` (≥ 1) hit and clear those they pass, in place.
 
     pose: of the lidar in the frame of the grid. ranges (B,) [m]; angles (angle_min, angle_increment) [rad];
@@ -52,7 +52,7 @@ def observe(
     cell, but refreshes a marked one if `keep` > 0. Cells beyond raytrace_range are not cleared, nor cells hit by
     this scan or one of the last `keep`. A beam with a range ≥ range_max clears its cells, up to range_max, if
     `inf_is_valid`; one below range_min or NaN is ignored.
-    New hits raise costs; the costs of cleared hits remain until `inflate`.
+    New hits raise costs; the costs of cleared hits remain until `inflate`. Returns whether a hit was cleared.
     """
     range_min, range_max = np.float32(spans[0]), np.float32(spans[1])
     # Mark the cell of each return, or renew the number of its last hit.
@@ -67,12 +67,15 @@ def observe(
                     hits[i, j] = number
                 elif hits[i, j] != 0 and (keep > 0 or ranges[k] <= spans[2]):
                     hits[i, j] = number  # else walls beyond obstacle_range would be cleared
+    has_cleared = False
     for k in range(len(ranges)):
         # Clear the cells that the beam passes, up to the range to which it may clear.
         if ranges[k] >= range_min and (inf_is_valid or ranges[k] < range_max):
             bearing = pose[2] + angles[0] + k * angles[1]
             length = min(ranges[k], range_max, spans[3])
-            _clear_beam(hits, grid, number - keep, pose, math.cos(bearing), math.sin(bearing), length)
+            cos, sin = math.cos(bearing), math.sin(bearing)
+            has_cleared |= _clear_beam(hits, grid, number - keep, pose, cos, sin, length)
+    return has_cleared
 
 
 @njit(cache=True, error_model="numpy")
@@ -95,8 +98,19 @@ def _raise_costs(costs, stamp, i, j):
 
 
 @njit(cache=True, error_model="numpy")
+def forbidden(costs: Costs, grid: Grid, points: Floats) -> Bools:
+    """Return whether each of the points (K, 2) [m] lies in a forbidden cell: (K,). False outside the grid."""
+    is_forbidden = np.zeros(len(points), np.bool_)
+    for k in range(len(points)):
+        i, j = int(np.rint(points[k, 0] / grid[2])) - grid[0], int(np.rint(points[k, 1] / grid[2])) - grid[1]
+        if 0 <= i < costs.shape[0] and 0 <= j < costs.shape[1]:
+            is_forbidden[k] = costs[i, j] >= INSCRIBED
+    return is_forbidden
+
+
+@njit(cache=True, error_model="numpy")
 def _clear_beam(hits, grid, first_scan, pose, cos, sin, length):
-    """Clear the cells that a beam passes, except those hit in scan `first_scan` or later.
+    """Clear the cells that a beam passes, except those hit in scan `first_scan` or later; return whether one was hit.
 
     Source: Amanatides & Woo 1987, "A fast voxel traversal algorithm".
     """
@@ -109,16 +123,17 @@ def _clear_beam(hits, grid, first_scan, pose, cos, sin, length):
     per_i = abs(1.0 / cos) if cos != 0.0 else np.inf
     per_j = abs(1.0 / sin) if sin != 0.0 else np.inf
     a, b = i - grid[0], j - grid[1]
-    entered = 0.0
+    entered, has_cleared = 0.0, False
     # Go from cell to cell; the beam enters the current one at `entered`.
     while entered < reach:
-        if 0 <= a < hits.shape[0] and 0 <= b < hits.shape[1] and hits[a, b] < first_scan:
-            hits[a, b] = 0
+        if 0 <= a < hits.shape[0] and 0 <= b < hits.shape[1] and 0 < hits[a, b] < first_scan:
+            hits[a, b], has_cleared = 0, True
         entered = min(next_i, next_j)
         if next_i < next_j:
             a, next_i = a + step_i, next_i + per_i
         else:
             b, next_j = b + step_j, next_j + per_j
+    return has_cleared
 
 
 @njit(cache=True, error_model="numpy")
@@ -261,13 +276,18 @@ def covered_cells(
 
 
 @njit(cache=True, error_model="numpy")
-def free_covered(hits: Hits, outline: Floats, pose: tuple[float, float, float], grid: Grid) -> None:
-    """Free the cells under and inside the outline at `pose`, in place: the robot is there, so nothing else is."""
+def free_covered(hits: Hits, outline: Floats, pose: tuple[float, float, float], grid: Grid) -> bool:
+    """Free the cells under and inside the outline at `pose`, in place: the robot is there, so nothing else is.
+
+    Returns whether one of them was occupied.
+    """
     covered = covered_cells(outline, pose, grid, hits.shape)
+    has_freed = False
     for i in range(hits.shape[0]):
         for j in range(hits.shape[1]):
-            if covered[i, j]:
-                hits[i, j] = 0
+            if covered[i, j] and hits[i, j] != 0:
+                hits[i, j], has_freed = 0, True
+    return has_freed
 
 
 @njit(cache=True, error_model="numpy", inline="always")

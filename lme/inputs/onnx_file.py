@@ -153,7 +153,10 @@ class SignedNetwork:
 
     def answer(self, *inputs: Floats | NDArray[np.float32]) -> list[Floats]:
         """Return the outputs in float64 for the inputs, both in the order of the signature."""
-        given = {name: array.astype(np.float32) for name, array in zip(self._inputs, inputs, strict=True)}
+        given = {
+            name: array.astype(np.float32, copy=False)
+            for name, array in zip(self._inputs, inputs, strict=True)
+        }
         return [output.astype(np.float64) for output in self._network.run(given)]
 
 

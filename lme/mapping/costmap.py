@@ -24,6 +24,7 @@ from lme.grids.obstacle_grid import (
     draw_discs,
     draw_edges,
     draw_polygon,
+    forbidden,
     free_covered,
     inflate,
     lattice,
@@ -81,8 +82,7 @@ class CostmapConfig(LayersConfig):
 class Costmap:
     """Seen or known obstacles around a start at the origin.
 
-    costs: (I, J) uint8; `TOUCHING` and `INSCRIBED` forbid a cell, costs up to `HIGHEST` do not. stamp: costs
-    around an occupied cell, see `stamp`, from the next scan or `refresh` on.
+    costs: (I, J) uint8; `TOUCHING` and `INSCRIBED` forbid a cell, costs up to `HIGHEST` do not.
     """
 
     def __init__(self, config: CostmapConfig, robot: Robot, positions: Floats) -> None:
@@ -92,7 +92,8 @@ class Costmap:
         rate = min(config.update_rate or robot.control_rate, robot.control_rate)
         self._keep = round(config.observation_persistence * rate)  # [scans]
         self._grid, size = _layout(config, positions)
-        self.stamp = stamp(config, robot.footprint.inscribed_radius)
+        self._stamp = stamp(config, robot.footprint.inscribed_radius)
+        self._is_current = True  # whether the costs are those of the current obstacles
         self._outline = robot.footprint.outline(config.footprint_padding)
         reach = np.hypot(*(self._outline - np.array(self._lidar[:2])).T).max()
         self._radius = config.obstacle_range + float(reach) + config.cell_size  # [m] that a scan changes
@@ -102,17 +103,28 @@ class Costmap:
         self._reach = 0  # [cells] of the widest stamp so far
         self._scans = 0
 
+    @property
+    def stamp(self) -> Ints:
+        """Costs around an occupied cell, see `stamp`; a new one holds from the next scan or `refresh` on."""
+        return self._stamp
+
+    @stamp.setter
+    def stamp(self, rows: Ints) -> None:
+        self._is_current = self._is_current and rows is self._stamp
+        self._stamp = rows
+
     def observe(self, taken: MapInput) -> None:
         """Mark the cells that the scan hits and clear those it passes; see `lme.grids.obstacle_grid.observe`."""
         scan, config = taken.scan, self._config
         lidar = compose(taken.scan_pose, self._lidar)
         self._extend([self.cell(np.array(lidar[:2]) + side) for side in (-self._radius, self._radius)])
         self._scans += 1
-        observe(
+        # Costs of new hits are raised at once. Only where a hit is cleared do they have to be recomputed.
+        has_cleared = observe(
             self._hits,
             self.costs,
             self._grid,
-            self.stamp,
+            self._stamp,
             self._scans,
             self._keep,
             lidar,
@@ -124,7 +136,8 @@ class Costmap:
         if config.footprint_clearing:
             window = self.window([])
             low = (self._grid[0] + window[0].start, self._grid[1] + window[1].start, self._grid[2])
-            free_covered(self._hits[window], self._outline, taken.pose, low)
+            has_cleared |= free_covered(self._hits[window], self._outline, taken.pose, low)
+        self._is_current = self._is_current and not has_cleared
 
     def draw(self, world: World, start: Pose) -> None:
         """Mark the cells of the world's obstacles; `start`: pose of the odometry frame in the world."""
@@ -135,21 +148,27 @@ class Costmap:
         for polygon in world.polygons:
             draw_polygon(self._hits, self._grid, to_robot(polygon, start))
         self._extend(np.argwhere(self._hits))
+        self._is_current = False
 
     def refresh(self) -> None:
-        """Recompute the costs from the current obstacles."""
-        window = self.window([])
-        inflate(self._hits[window], self.stamp, self.costs[window])
+        """Recompute the costs from the current obstacles, if they are not those already."""
+        if not self._is_current:
+            window = self.window([])
+            inflate(self._hits[window], self._stamp, self.costs[window])
+            self._is_current = True
 
     def window(self, cells: Sequence[Cell]) -> tuple[slice, slice]:
         """Part of the grid with these cells, all obstacles and their costs, and one free cell around these.
 
         No cheapest path between the cells leaves it: pulled back to its edge, a path is no longer and costs no more.
         """
-        self._reach = max(self._reach, int(np.abs(self.stamp[:, :2]).max()))
-        ends = np.array([self._low - self._reach - 1, self._high + self._reach + 1, *cells])
-        low, high = np.maximum(ends.min(axis=0), 0), np.minimum(ends.max(axis=0) + 1, self.costs.shape)
-        return slice(int(low[0]), int(high[0])), slice(int(low[1]), int(high[1]))
+        self._reach = max(self._reach, int(self._stamp[:, :2].max()))
+        corners = *cells, (self._low - self._reach - 1).tolist(), (self._high + self._reach + 1).tolist()
+        rows, columns = (
+            slice(max(min(ends), 0), min(max(ends) + 1, size))
+            for ends, size in zip(zip(*corners, strict=True), self.costs.shape, strict=True)
+        )
+        return rows, columns
 
     def cell(self, point: Floats) -> Cell:
         """Array index of the cell that contains a point (2,) [m], or of the nearest cell of the grid."""
@@ -163,10 +182,7 @@ class Costmap:
 
     def forbidden(self, points: Floats) -> Bools:
         """Return whether each of the points (K, 2) [m] lies in a forbidden cell: (K,). False outside the grid."""
-        index = np.rint(points / self._grid[2]).astype(np.int64) - np.array(self._grid[:2])
-        on_grid = ((index >= 0) & (index < self.costs.shape)).all(axis=1)
-        i, j = np.where(on_grid[:, None], index, 0).T
-        return np.asarray((self.costs[i, j] >= INSCRIBED) & on_grid, dtype=np.bool_)
+        return np.asarray(forbidden(self.costs, self._grid, points), dtype=np.bool_)
 
     def _extend(self, cells: Sequence[Cell] | Ints) -> None:
         """Extend the box around all obstacles to hold the cells (N, 2)."""

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lme.errors import argument_error, require
 from lme.geometry.fan import fan_blocked
 from lme.geometry.frames import to_robot, to_world
 from lme.geometry.polyline import evenly_spaced
-from lme.grids.obstacle_grid import HIGHEST, INSCRIBED, TOUCHING
-from lme.guides.global_path.kernels import departs, nearest_passable, search, straighten, trace
+from lme.grids.obstacle_grid import HIGHEST, INSCRIBED, TOUCHING, Costs
+from lme.guides.global_path.kernels import Cell, departs, nearest_passable, search, straighten, trace
 from lme.mapping.costmap import Costmap, CostmapConfig, ends_of, stamp
 from lme.mapping.map_clock import MapClock
 from lme.perception.scan_points import obstacle_points
@@ -76,6 +77,7 @@ class GlobalPath:
         self._period = max(1, round(robot.control_rate / config.replan_rate))
         self.cell_costs = _TABLE  # what the search pays for a cell of each cost
         self._world: tuple[World, Pose] | None = None
+        self._solved: tuple[Costs, Cell, Cell, NDArray[Any] | None] | None = None  # see `_solution`
         self._clock = MapClock(config.costmap.update_rate, robot.dt)
 
     def reset(self, rng: np.random.Generator) -> None:
@@ -165,8 +167,24 @@ class GlobalPath:
         begin, end = costmap.cell(robot), costmap.cell(target)
         window = costmap.window([begin, end])
         low = (window[0].start, window[1].start)
-        costs = np.ascontiguousarray(costmap.costs[window])
+        costs = costmap.costs[window].copy()
         begin, end = (begin[0] - low[0], begin[1] - low[1]), (end[0] - low[0], end[1] - low[1])
+        cells = self._solution(costs, begin, end)
+        if cells is None:
+            return None
+        corners = costmap.points(cells + np.array(low))
+        touching = costs[end] == TOUCHING
+        return np.vstack([robot, corners] if touching else [robot, corners, target])
+
+    def _solution(self, costs: Costs, begin: Cell, end: Cell) -> NDArray[Any] | None:
+        """Return what `_solve` gives; the last one again while nothing has changed."""
+        last = self._solved
+        if last is None or (begin, end) != last[1:3] or not np.array_equal(costs, last[0]):
+            last = self._solved = costs, begin, end, self._solve(costs, begin, end)
+        return last[3]
+
+    def _solve(self, costs: Costs, begin: Cell, end: Cell) -> NDArray[Any] | None:
+        """Corners (C, 2) [cells] of the cheapest path from `begin` to `end`, without these; None if there is none."""
         start = nearest_passable(costs, self.cell_costs, begin, end)
         goal = nearest_passable(costs, self.cell_costs, end, begin)
         if start[0] < 0:
@@ -175,11 +193,9 @@ class GlobalPath:
         cells = trace(g, costs, self.cell_costs, start, goal)
         if len(cells) == 0:
             return None
-        corners = costmap.points(straighten(cells, g, costs, self.cell_costs) + np.array(low))
+        corners = straighten(cells, g, costs, self.cell_costs)
         corners = corners[1:] if start == begin else corners
-        corners = corners[:-1] if goal == end else corners
-        touching = costs[end] == TOUCHING
-        return np.vstack([robot, corners] if touching else [robot, corners, target])
+        return corners[:-1] if goal == end else corners
 
     def _points(self, line: Floats) -> Floats:
         """Points (K, 2) [m] of the path along a line (C, 2) of corners."""

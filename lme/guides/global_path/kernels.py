@@ -45,15 +45,17 @@ def search(costs: Costs, table: Floats, start: Cell, goal: Cell, heuristic_weigh
             continue  # outdated: a cheaper path was found later
         if cell == goal_index:
             break
-        # A cheaper way over this cell lowers the cost of a neighbour.
+        # A cheaper way over this cell lowers the cost of a neighbour, unless that is no higher than here.
         for di in range(-1, 2):
             for dj in range(-1, 2):
+                a, b = i + di, j + dj
+                neighbour = a * columns + b
+                if a < 0 or b < 0 or a >= rows or b >= columns or g[neighbour] <= g[cell]:
+                    continue
                 step = _step(costs, table, i, j, di, dj)
-                neighbour = cell + di * columns + dj
                 if step < np.inf and g[cell] + step < g[neighbour] * (1.0 - _EPS):
                     g[neighbour] = g[cell] + step
-                    key = _key(g[neighbour], scale, i + di, j + dj, start, goal)
-                    size = push(keys, cells, size, key, neighbour)
+                    size = push(keys, cells, size, _key(g[neighbour], scale, a, b, start, goal), neighbour)
     return g.reshape(rows, columns)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from lme.errors import require
 from lme.geometry.frames import to_world
+from lme.grids.obstacle_grid import Costs
 from lme.guides.global_path.guide import GlobalPath, GlobalPathConfig
 from lme.guides.global_path.potential import Cell, descend, potential
 from lme.mapping.costmap import Costmap
@@ -44,30 +45,26 @@ class Navfn(GlobalPath):
         super().__init__(config, robot)
         self._shift = to_world(np.array([-_HALF, -_HALF]), Pose(0.0, 0.0, config.map_yaw))  # [cells]
         self._paid = np.floor(self.cell_costs)  # Navfn's costs are whole numbers
-        self._solved: tuple[Floats, Cell, Cell, Floats] | None = None  # costs, start, goal, path
 
     def _corners(self, costmap: Costmap, robot: Floats, target: Floats) -> Floats | None:
         """Points (C, 2) [m] of the path; None if there is none."""
         begin, end = costmap.cell(robot), costmap.cell(target)
         window = costmap.window([begin, end])
-        low = np.array([window[0].start, window[1].start]) - _PADDING
-        paid = self._paid[np.pad(costmap.costs[window], _PADDING)]
-        paid[0], paid[-1], paid[:, 0], paid[:, -1] = np.inf, np.inf, np.inf, np.inf
+        low = window[0].start - _PADDING, window[1].start - _PADDING
         start, goal = (begin[0] - low[0], begin[1] - low[1]), (end[0] - low[0], end[1] - low[1])
-        start, goal = (int(start[0]), int(start[1])), (int(goal[0]), int(goal[1]))
-        cells = self._path(paid, start, goal)
-        if len(cells) == 0:
+        cells = self._solution(costmap.costs[window].copy(), start, goal)
+        if cells is None:
             return None
-        return np.vstack([robot, costmap.points(cells[1:] + low + self._shift), target])
+        return np.vstack([robot, costmap.points(cells[1:] + np.array(low) + self._shift), target])
 
-    def _path(self, paid: Floats, start: Cell, goal: Cell) -> Floats:
-        """Path (K, 2) [cells] from start to goal; the last one again while nothing has changed."""
-        last = self._solved
-        if last is None or (start, goal) != last[1:3] or not np.array_equal(paid, last[0]):
-            neutral = float(self._paid.min())
-            last = paid, start, goal, descend(potential(paid, start, goal, neutral), start, goal, neutral)
-            self._solved = last
-        return last[3]
+    def _solve(self, costs: Costs, begin: Cell, end: Cell) -> Floats | None:
+        """Path (K, 2) [cells] in the padded map, as are `begin` and `end`; None if there is none."""
+        neutral = float(self._paid.min())
+        paid = np.full((costs.shape[0] + 2 * _PADDING, costs.shape[1] + 2 * _PADDING), np.inf)
+        paid[1:-1, 1:-1] = self._paid[0]
+        paid[_PADDING:-_PADDING, _PADDING:-_PADDING] = self._paid[costs]
+        path = descend(potential(paid, begin, end, neutral), begin, end, neutral)
+        return path if len(path) > 0 else None
 
     def _points(self, line: Floats) -> Floats:
         """Points of the path, which are Navfn's."""

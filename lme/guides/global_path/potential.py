@@ -39,7 +39,8 @@ def potential(paid: Floats, start: Cell, goal: Cell, neutral: float) -> Floats:
         if key > g[goal_index] + _AROUND * neutral:
             break
         for neighbour in (cell - columns, cell + columns, cell - 1, cell + 1):
-            if flat[neighbour] == np.inf:
+            # A neighbour up to this cell's value keeps its own: from here the wave arrives later.
+            if g[neighbour] <= key or flat[neighbour] == np.inf:
                 continue
             arrival = _arrival(g, neighbour, columns, flat[neighbour])
             if arrival < g[neighbour]:

@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from lme.planners.drl_vo.weights import SIDE
+from lme.planners.drl_vo.weights import IMAGE, SIDE
 from lme.types import Bools, Floats, Ints, LaserScan, Pose
 
 BINS = SIDE  # of a sweep
@@ -86,11 +86,11 @@ class Sweeps:
 
     def add(self, scan: LaserScan, mount_yaw: float) -> None:
         """Pool a scan: the least and the mean range in each bin, from the right to the left."""
-        beams, bins = binned(scan.angle_min + mount_yaw, scan.angle_increment, len(scan.ranges), self._fov)
+        geometry = (scan.angle_min + mount_yaw, scan.angle_increment, len(scan.ranges), self._fov)
+        beams, bins = binned(*geometry)
         ranges = np.where(has_return(scan), np.minimum(scan.ranges, self._range_max), self._no_return)[beams]
         if self._outlines is not None:
-            bearings = scan.angle_min + mount_yaw + scan.angle_increment * beams
-            ranges = ranges + self._outlines.change(np.remainder(bearings + math.pi, math.tau) - math.pi)
+            ranges = ranges + _changes(self._outlines, *geometry)
         counts = np.bincount(bins, minlength=BINS)
         least, mean = np.full(BINS, math.inf), np.bincount(bins, ranges, BINS) / np.maximum(counts, 1)
         np.minimum.at(least, bins, ranges)
@@ -113,28 +113,39 @@ def velocity_maps(pedestrians: Floats) -> Floats:
     inside = (x >= 0.0) & (x <= _AHEAD) & (np.abs(y) <= _ASIDE)
     rows = np.minimum(np.floor(x[inside] / _CELL), SIDE - 1).astype(np.int64)
     columns = np.minimum(np.floor((_ASIDE - y[inside]) / _CELL), SIDE - 1).astype(np.int64)
-    for row, column, velocity in zip(rows, columns, pedestrians[inside, 2:], strict=True):
-        maps[:, row, column] = velocity / _FASTEST
+    maps[:, rows, columns] = pedestrians[inside, 2:].T / _FASTEST
     return maps
 
 
 def free_ahead(scan: LaserScan, mount_yaw: float) -> float:
     """Least range within 45° of straight ahead [m]; inf without a return there."""
     beams, _ = binned(scan.angle_min + mount_yaw, scan.angle_increment, len(scan.ranges), 2 * _FRONT)
-    seen = beams[has_return(scan)[beams]]
-    return float(scan.ranges[seen].min(initial=math.inf))
+    ahead = scan._replace(ranges=scan.ranges[beams])
+    return float(ahead.ranges[has_return(ahead)].min(initial=math.inf))
 
 
 def image_of(sweeps: Floats, pedestrians: Floats) -> NDArray[np.float32]:
     """Image for the network (3, 80, 80): the rows of the sweeps (20, 80) four times, then the velocity maps."""
-    maps = velocity_maps(pedestrians)
-    return np.concatenate((np.tile(sweeps, (_TILES, 1))[None], maps)).astype(np.float32)
+    image = np.empty((IMAGE, SIDE, SIDE), np.float32)
+    image[0].reshape(_TILES, *sweeps.shape)[:] = sweeps
+    image[1:] = velocity_maps(pedestrians)
+    return image
 
 
 def has_return(scan: LaserScan) -> Bools:
     """Return whether each beam has a return: (B,). NaN means none."""
     found: Bools = (scan.ranges >= scan.range_min) & (scan.ranges < scan.range_max)
     return found
+
+
+@lru_cache(maxsize=16)
+def _changes(
+    outlines: Outlines, angle_min: float, angle_increment: float, num_beams: int, fov: float
+) -> Floats:
+    """Return `Outlines.change` of the beams within `fov`, centred straight ahead."""
+    beams, _ = binned(angle_min, angle_increment, num_beams, fov)
+    bearings = angle_min + angle_increment * beams
+    return outlines.change(np.remainder(bearings + math.pi, math.tau) - math.pi)
 
 
 @lru_cache(maxsize=16)

@@ -121,21 +121,20 @@ def free_ranges(ranges: Ranges, range_min: float, range_max: float) -> Ranges:
 
 
 @njit(cache=True, error_model="numpy")
-def free_tubes(ranges: Ranges, needs: Ranges, spans: Ints, hidden: Bools) -> Bools:
+def free_tubes(ranges: Ranges, needs: Ranges, farthest: Ranges, hidden: Bools) -> Bools:
     """Return whether each tube is free: it is in view, and every beam sees past it: (N,).
 
-    ranges (B,) from `free_ranges`; needs (N, B) and hidden (N,) from `swept_ranges`; spans (N, 2): first and last
-    beam that meet each tube.
+    ranges (B,) from `free_ranges`; needs (B, N), beam by beam, and hidden (N,) from `swept_ranges`; farthest (B,): the
+    greatest of the needs of each beam.
     """
-    free = np.empty(len(needs), np.bool_)
-    for n in range(len(needs)):
-        free[n] = not hidden[n]
-        # One beam that ends inside the tube blocks it.
-        for i in range(spans[n, 0], spans[n, 1] + 1):
-            if ranges[i] < needs[n, i]:
-                free[n] = False
-                break
-    return free
+    blocked = hidden.copy()
+    # A beam blocks the tubes inside which it ends. Most beams see past all tubes, and need no look at each.
+    for i in range(len(ranges)):
+        if ranges[i] < farthest[i]:
+            reach, needs_of_beam = ranges[i], needs[i]
+            for n in range(len(blocked)):
+                blocked[n] |= reach < needs_of_beam[n]
+    return ~blocked
 
 
 @njit(cache=True, error_model="numpy")

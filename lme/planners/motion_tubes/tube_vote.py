@@ -98,14 +98,14 @@ class TubeSets(NamedTuple):
     """Tubes of all sets, one set after the other, each from the tightest right turn to the tightest left turn.
 
     sets (N,): the set of each tube. curvatures (N,) [1/m]. ends (N, 2): middle of the tube's front end from the lidar
-    [m]. needs (N, B) and spans (N, 2) as in `free_tubes`.
+    [m]. needs (B, N) and farthest (B,) as in `free_tubes`.
     """
 
     sets: Ints
     curvatures: Floats
     ends: Floats
     needs: Ranges
-    spans: Ints
+    farthest: Ranges
     hidden: Bools  # (N,) none: what is out of view counts as free
 
 
@@ -176,7 +176,7 @@ class TubeVote:
         config, mount = self._config, self._robot.lidar.mount
         view, free_ranges = lidar_view(observation.scan, mount)
         tubes = tube_sets(self._curvatures, self._lengths, self._shape, view, observation.scan.range_min)
-        free = free_tubes(free_ranges, tubes.needs, tubes.spans, tubes.hidden)
+        free = free_tubes(free_ranges, tubes.needs, tubes.farthest, tubes.hidden)
         # Distance from each free tube's end to the way-point of its set.
         along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))))
         waypoints = [np.interp(self._waypoints, along, path[:, axis]) - mount[axis] for axis in (0, 1)]
@@ -234,7 +234,7 @@ def tube_sets(
     """
     sets = np.repeat(np.arange(len(lengths)), [len(part) for part in curvatures])
     flat = np.concatenate(curvatures)
-    ends, needs = np.empty((len(flat), 2)), np.zeros((len(flat), view.num_beams), np.float32)
+    ends, needs = np.empty((len(flat), 2)), np.zeros((view.num_beams, len(flat)), np.float32)
     for n, (k, curvature) in enumerate(zip(sets, flat, strict=True)):
         middle = np.array([shape.front + 0.5 * shape.sampling, 0.0])
         ends[n] = _carried(middle, curvature, np.array([lengths[k]]))[0]
@@ -244,12 +244,8 @@ def tube_sets(
             ((np.arctan2(samples[:, 1], samples[:, 0]) - view.first) % math.tau) / view.increment
         ).astype(np.int64)
         counts = (beams < view.num_beams) & (ranges > range_min)
-        np.maximum.at(needs[n], beams[counts], ranges[counts].astype(np.float32))
-    # First and last beam that meet each tube.
-    met = np.pad(needs > 0.0, ((0, 0), (1, 1)))
-    spans = np.column_stack((met.argmax(axis=1) - 1, needs.shape[1] - met[:, ::-1].argmax(axis=1)))
-    spans[~met.any(axis=1)] = (0, -1)
-    return TubeSets(sets, flat, ends, needs, spans, np.zeros(len(flat), np.bool_))
+        np.maximum.at(needs[:, n], beams[counts], ranges[counts].astype(np.float32))
+    return TubeSets(sets, flat, ends, needs, needs.max(axis=1), np.zeros(len(flat), np.bool_))
 
 
 def edge_samples(curvature: float, length: float, front: float, half_width: float, spacing: float) -> Floats:

@@ -55,14 +55,14 @@ class TubeSpec(NamedTuple):
 class Tubes(NamedTuple):
     """Tubes of one length for one lidar: the straight one first, then left and right alternately.
 
-    curvatures (N,) [1/m]; needs (N, B) [m], spans (N, 2) and hidden (N,) as in `free_tubes` of `kernels.py`;
+    curvatures (N,) [1/m]; needs (B, N) [m], farthest (B,) [m] and hidden (N,) as in `free_tubes` of `kernels.py`;
     whisker_beams and whisker_ranges (3, N, S): samples of the outer, front and inner whisker.
     """
 
     length: float
     curvatures: Floats
     needs: Ranges
-    spans: Ints
+    farthest: Ranges
     hidden: Bools
     whisker_beams: Ints
     whisker_ranges: Ranges
@@ -89,7 +89,8 @@ def forward_tubes(spec: TubeSpec, view: LidarView) -> Tubes:
         curvatures, spec.length, steps, outline, front, lidar, view.increment, view.num_beams
     )
     beams, ranges = _whiskers(spec, curvatures, view)
-    return Tubes(spec.length, curvatures, needed, _spans(needed), hidden, beams, ranges)
+    needs = np.ascontiguousarray(needed.T)
+    return Tubes(spec.length, curvatures, needs, needs.max(axis=1), hidden, beams, ranges)
 
 
 def grown_outline(box: Box, front: float, side: float) -> Floats:
@@ -113,13 +114,6 @@ def _curvatures(spec: TubeSpec) -> Floats:
     count = max(1, math.floor(spec.heading_max / spec.heading_step + 1e-9))
     left = spec.heading_step * np.arange(1, count + 1) / spec.length
     return np.concatenate(([0.0], np.column_stack((left, -left)).ravel()))
-
-
-def _spans(needed: Ranges) -> Ints:
-    """First and last beam that meet each tube: (N, 2); (0, −1) if none does."""
-    is_met = np.pad(needed > 0.0, ((0, 0), (1, 1)))
-    first_beam, last_beam = is_met.argmax(axis=1) - 1, needed.shape[1] - is_met[:, ::-1].argmax(axis=1)
-    return np.where(np.any(is_met, axis=1, keepdims=True), np.column_stack((first_beam, last_beam)), (0, -1))
 
 
 def _whiskers(spec: TubeSpec, curvatures: Floats, view: LidarView) -> tuple[Ints, Ranges]:
@@ -290,7 +284,7 @@ class TubeChoice:
         config = self._config
         for spec in (self._long, self._short, self._near):
             tubes = forward_tubes(spec, view)
-            free = free_tubes(free_ranges, tubes.needs, tubes.spans, tubes.hidden)
+            free = free_tubes(free_ranges, tubes.needs, tubes.farthest, tubes.hidden)
             if spec is self._long and not free.all():
                 continue
             index, bin_ = self._choose(route, twist, tubes, free, free_ranges)

@@ -256,11 +256,22 @@ def test_a_map_with_a_rate_is_rebuilt_in_its_own_time():
 
 
 def planned(monkeypatch):
-    """Counts the searches."""
+    """Counts the plans."""
+    calls = []
+    plan = GlobalPath._plan
+    monkeypatch.setattr(GlobalPath, "_plan", lambda *args: calls.append(1) or plan(*args))
+    return calls
+
+
+def test_an_unchanged_map_is_searched_once(monkeypatch):
     calls = []
     search = module.search
     monkeypatch.setattr(module, "search", lambda *args: calls.append(1) or search(*args))
-    return calls
+    guide = global_path(replan_rate=10.0)
+    paths = [guide.guide(first_view(U_TRAP)).path for _ in range(5)]
+    assert len(calls) == 1
+    for path in paths[1:]:
+        np.testing.assert_array_equal(path, paths[0])
 
 
 @pytest.mark.parametrize(("rate", "plans"), [(10.0, 20), (5.0, 20), (1.0, 4), (0.5, 2)])

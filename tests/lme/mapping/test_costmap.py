@@ -103,6 +103,24 @@ def test_kul_fms_map_clears_nothing_but_what_the_robot_covers():
     assert (grid.costs == TOUCHING).sum() < (marked == TOUCHING).sum()
 
 
+@given(SEEDS, st.booleans())
+def test_refreshed_costs_are_those_of_all_obstacles_anew(seed, footprint_clearing):
+    """A new stamp, even an equal one, has the costs recomputed; without it that may be left out."""
+    rng = np.random.default_rng(seed)
+    settings = {"observation_persistence": 0.2 * rng.integers(3), "footprint_clearing": footprint_clearing}
+    grid, anew = costmap(**settings), costmap(**settings)
+    for _ in range(8):
+        ranges = rng.uniform(0.2, 4.0, 540).astype(np.float32)
+        pose = Pose(*rng.uniform(-1.0, 1.0, 2), rng.uniform(-3.0, 3.0))
+        for either in (grid, anew):
+            either.observe(taken(observation(ranges=ranges), pose))
+        if rng.random() < 0.7:
+            anew.stamp = anew.stamp.copy()
+            for either in (grid, anew):
+                either.refresh()
+            np.testing.assert_array_equal(grid.costs, anew.costs)
+
+
 def test_an_obstacle_costs_at_least_the_inscribed_radius_whatever_the_inflation():
     rows = stamp(
         load_settings(
