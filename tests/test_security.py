@@ -20,7 +20,7 @@ FORBIDDEN = {  # names that run what they are given, however they are called
 }  # fmt: skip
 ALLOWED = {"runners/workers/cluster_worker.py: pickle.loads"}  # what the coordinator of the run sent
 SAFE_LOADERS = {
-    "_UniqueKeys",
+    "_StrictLoader",
     "SafeLoader",
 }  # of lme.inputs.guarded_file, as tested below
 
@@ -76,7 +76,7 @@ def test_the_loaders_of_yaml_are_safe():
 
     from lme.inputs import guarded_file
 
-    for loader in (guarded_file._UniqueKeys, guarded_file.SafeLoader):
+    for loader in (guarded_file._StrictLoader, guarded_file.SafeLoader):
         with pytest.raises(yaml.constructor.ConstructorError, match="python/object"):
             yaml.load("!!python/object/apply:os.getcwd []", loader)
 

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 from lme.errors import InputError
-from runners.config.quoting import key_of
 
 FLAG = "--trust"  # of every command
 _TARGETS, _CRITERIA = (
@@ -106,7 +105,7 @@ def check_words(words: Sequence[str], directory: Path) -> None:
     if is_trusted(directory):
         return
     for word in words:
-        key, value = key_of(word), word.partition("=")[2]
+        key, _, value = word.lstrip("+~").partition("=")  # not `key_of`: its module imports Hydra
         hydra = re.match(r"hydra\b", key) and key != "hydra.mode"
         outside = _OUTSIDE.search(f"={value}") or ".." in key
         if hydra or "${" in word or outside or _is_foreign(key, value) or _WRITTEN_OUT.search(value):

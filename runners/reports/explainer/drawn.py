@@ -89,8 +89,9 @@ def add_computed(packer: Packer, reasons: Sequence[Explanation], number: int, v_
                 computed[name] = kind
                 packer.add_bits(f"counts.{name}", counts_here)
                 break
-    for kind in points.keys() & set(computed.values()):
-        packer.add_doubles(f"exact.{kind}", points[kind])
+    for kind, point in points.items():
+        if kind in computed.values():
+            packer.add_doubles(f"exact.{kind}", point)
     return computed
 
 
