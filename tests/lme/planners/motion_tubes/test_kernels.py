@@ -81,9 +81,9 @@ def test_free_tubes_and_whiskers_are_one_comparison_per_beam(seed, count):
     needs = np.where(rng.random((count, 40)) < 0.3, rng.uniform(0, 1, (count, 40)), 0.0).astype(np.float32)
     seen = np.where(rng.random(40) < 0.5, np.inf, rng.uniform(0.3, 1.5, 40)).astype(np.float32)
     hidden = rng.random(count) < 0.2
-    spans = np.tile([0, 39], (count, 1))
     np.testing.assert_array_equal(
-        free_tubes(seen, needs, spans, hidden), (seen >= needs).all(axis=1) & ~hidden
+        free_tubes(seen, np.ascontiguousarray(needs.T), needs.max(axis=0), hidden),
+        (seen >= needs).all(axis=1) & ~hidden,
     )
     beams, ranges = rng.integers(-1, 40, 3), rng.uniform(0.0, 1.0, 3).astype(np.float32)
     assert whisker_free(seen, beams, ranges) == all(

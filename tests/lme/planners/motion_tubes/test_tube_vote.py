@@ -85,7 +85,7 @@ def test_a_tube_is_free_if_each_sample_is_nearer_than_the_beam_that_meets_it(see
     scan = observation(ranges=ranges, robot=JACKAL).scan
     view, free_ranges = lidar_view(scan, JACKAL.lidar.mount)
     tubes = tube_sets(planner._curvatures, planner._lengths, planner._shape, view, scan.range_min)
-    free = free_tubes(free_ranges, tubes.needs, tubes.spans, tubes.hidden)
+    free = free_tubes(free_ranges, tubes.needs, tubes.farthest, tubes.hidden)
     for n in np.flatnonzero(tubes.sets == k)[::7]:
         expected = True
         shape = planner._shape

@@ -20,7 +20,7 @@ from tests.lme.planners.motion_tubes.scenes import JACKAL, NO_EDGES, scattered, 
 def tubes_free(robot, circles, spec):
     view, seen = view_of(robot, circles)
     tubes = forward_tubes(spec, view)
-    return tubes, free_tubes(seen, tubes.needs, tubes.spans, tubes.hidden)
+    return tubes, free_tubes(seen, tubes.needs, tubes.farthest, tubes.hidden)
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -76,7 +76,7 @@ def test_a_whisker_is_closed_where_the_tube_is_not():
     for y, outer in ((gap, True), (-gap, True), (0.6, False)):
         view, seen = view_of(JACKAL, np.array([[0.9 + 0.21 + 0.1, y, 0.075]]))
         tubes = forward_tubes(spec, view)
-        free = free_tubes(seen, tubes.needs, tubes.spans, tubes.hidden)
+        free = free_tubes(seen, tubes.needs, tubes.farthest, tubes.hidden)
         assert free[0]
         assert whisker_free(seen, tubes.whisker_beams[0, 0], tubes.whisker_ranges[0, 0]) != outer
         assert whisker_free(seen, tubes.whisker_beams[1, 0], tubes.whisker_ranges[1, 0])
