@@ -69,7 +69,8 @@ def report() -> Iterator[str]:
                 trace.steps
             )
             megabytes = path.stat().st_size / 1e6
-            yield f"`system={system}`: {len(trace.steps)} steps, {candidates:.0f} candidates each: {megabytes:.2f} MB.\n"
+            counts = f"{len(trace.steps)} steps, {candidates:.0f} candidates each"
+            yield f"`system={system}`: {counts}: {megabytes:.2f} MB.\n"
         yield "The frames are those of `system=lme`.\n"
         browser = driver.chromium.launch(executable_path=_program(), args=ARGUMENTS)
         yield "| window | view | steps/s | frame p50 [ms] | p99 [ms] | all steps decided again [ms] |"
