@@ -197,13 +197,14 @@ class _StrictLoader(SafeLoader):  # type: ignore[misc]
 
     def construct_decimal(self, node: yaml.ScalarNode) -> int | float:
         """Return a whole or floating-point number."""
-        if ":" in node.value or re.match(r"[-+]?0_*[0-9]", node.value):
-            base = 60 if ":" in node.value else 8
+        is_whole = node.tag == _WHOLE
+        is_octal = is_whole and re.match(r"[-+]?0_*[0-9]", node.value)  # 00.5 is read as people mean it
+        if ":" in node.value or is_octal:
             raise yaml.MarkedYAMLError(
-                problem=f"{node.value} would be read in base {base}: write a decimal number, or text in quotes",
+                problem=f"{node.value} would be read in base {8 if is_octal else 60}: write a decimal number, or text "
+                "in quotes",
                 problem_mark=node.start_mark,
             )
-        is_whole = node.tag == _WHOLE
         number: int | float = self.construct_yaml_int(node) if is_whole else self.construct_yaml_float(node)
         return number
 

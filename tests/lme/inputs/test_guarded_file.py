@@ -110,8 +110,8 @@ def test_a_number_that_is_not_decimal_is_refused(tmp_path, number, says):
 
 def test_decimal_numbers_and_quoted_text_are_read(tmp_path):
     path = tmp_path / "a.yaml"
-    path.write_text("[0, -0.5, 0.010, 10, 1e3, 1.0e+3, 0x10, '010', '12:30', 0]")
-    assert read_yaml(path) == [0, -0.5, 0.01, 10, "1e3", 1000.0, 16, "010", "12:30", 0]
+    path.write_text("[0, -0.5, 00.5, 0.010, 10, 1e3, 1.0e+3, 0x10, '010', '12:30', 0]")
+    assert read_yaml(path) == [0, -0.5, 0.5, 0.01, 10, "1e3", 1000.0, 16, "010", "12:30", 0]
 
 
 @pytest.mark.parametrize(
