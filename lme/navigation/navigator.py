@@ -87,9 +87,15 @@ class Navigator:
         if dt is not None:
             require("dt", dt, above=0.0)
             plausibility.check("dt", dt)
-        for key, part, method in (("guide", guide, "guide"), ("planner", planner, "plan")):
+        parts = [("guide", guide, "guide"), ("planner", planner, "plan")]
+        for key, part, method in parts if people is None else [*parts, ("people", people, "seen")]:
             if not hasattr(part, method):
                 raise InputError(f"{key} is {part!r:.80}: must have a method {method}")
+            if isinstance(part, type):
+                raise InputError(f"{key} is the class {part.__qualname__}: must be an instance of it")
+        for key, value, kind in (("cap", cap, Cap), ("lidar", lidar, Lidar)):
+            if not isinstance(value, kind | None):
+                raise InputError(f"{key} is {value!r:.80}: must be a lme.robots.{kind.__name__}, or None")
         self._feedback = CommandFeedback(feedback, dt)
         self.guide = guide
         self.planner = planner

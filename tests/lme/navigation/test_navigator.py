@@ -163,6 +163,26 @@ def test_the_parts_of_a_navigator_are_in_their_places(says):
         Navigator(planner, guide)
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "right"),
+    [
+        ("people", 0.5, "must have a method seen"),
+        ("people", Nobody, "class Nobody: must be an instance"),
+        ("cap", 0.5, "must be a lme.robots.Cap"),
+        ("lidar", 360, "must be a lme.robots.Lidar"),
+    ],
+)
+def test_another_part_of_a_navigator_is_what_it_must_be(key, value, right, says):
+    guide, planner = Target(TargetConfig(), stage()), Simple(load_settings("planner/simple"), stage())
+    with says.raises(InputError, match=f"{key} is .*{right}"):
+        Navigator(guide, planner, **{key: value})
+
+
+def test_a_class_is_no_guide(says):
+    with says.raises(InputError, match="guide is the class Target: must be an instance"):
+        Navigator(Target, Simple(load_settings("planner/simple"), stage()))
+
+
 @pytest.mark.parametrize("dt", [0.0, "0.05"])
 def test_an_impossible_control_period_is_refused(dt, says):
     guide, planner = Target(TargetConfig(), stage()), Simple(load_settings("planner/simple"), stage())
