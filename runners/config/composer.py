@@ -286,7 +286,7 @@ def _how_to_add(group: str, name: str, known: Iterable[str]) -> str:
         return f"; a map file of your own is given by map=file map.path={name}"
     if nearest(name, known):
         return ""
-    option = Path(name).stem if Path(name).suffix in (".yaml", ".yml") else name
+    option = Path(name).stem if Path(name).suffix.lower() in (".yaml", ".yml") else name
     return f"; {group}={option}, an option of your own, needs --config-dir DIR, with the file DIR/{group}/{option}.yaml"
 
 

@@ -41,7 +41,7 @@ def open_episode(path: Path, word: str | None, step: int | None) -> Session:
     path: of a run's directory or of an .mcap recording by `lme eval`. word: "WORLD/RUN"; None for the first failed
     episode, or the first of all. step: None for the step where it went wrong. Raises InputError.
     """
-    session = _of_recording(path) if path.suffix == ".mcap" else _of_run(path, word)
+    session = _of_recording(path) if path.suffix.lower() == ".mcap" else _of_run(path, word)
     (lane,) = session.lanes
     last_step = len(lane.frames) - 1
     if step is not None and step > last_step:
@@ -164,13 +164,13 @@ def is_log(path: Path) -> bool:
     from runners.recordings.carmen import is_carmen
     from runners.recordings.own_recordings import episode_of
 
-    if path.suffix == ".mcap":
+    if path.suffix.lower() == ".mcap":
         with Bag(path) as bag:
             episode = episode_of(bag)
         return episode is None or episode.live
     if path.is_dir():
         return not (path / LAUNCH).exists() and any(path.glob("*.db3"))
-    return path.suffix in _RECORDINGS or is_carmen(path)
+    return path.suffix.lower() in _RECORDINGS or is_carmen(path)
 
 
 def words_of_log(log: Path, root: Path = Path()) -> tuple[str, ...]:

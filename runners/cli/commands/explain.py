@@ -29,7 +29,7 @@ EXAMPLES = (
 def main(argv: list[str]) -> int:
     """List the failures of a run, worst first, or explain the named episodes or a recording. Raises InputError."""
     arguments = _parser().parse_args(argv)
-    if arguments.run.suffix == ".mcap":
+    if arguments.run.suffix.lower() == ".mcap":
         _recording(arguments.run, arguments.episodes, arguments.output, arguments.text)
         return 0
     run_dir = _one_run(arguments.run)
