@@ -167,6 +167,7 @@ class Cap:
         for key in ("v_max", "omega_max"):
             if getattr(self, key) is not None:
                 require(key, getattr(self, key), above=0.0)
+        check_fields(self)
 
     def of(self, limits: Limits) -> Limits:
         """Return the limits, lowered to this cap."""

@@ -102,7 +102,7 @@ class Navigator:
         self.goal_tolerance = goal_tolerance
         self.people = people
         self.cap = cap or Cap()
-        self._check = lidar and ObservationCheck(lidar)
+        self._check = lidar and ObservationCheck(lidar, dt)
         # Of the last step, with the people whom guide and planner saw.
         self.observation: Observation | None = None
         self.guidance: Guidance | None = None

@@ -9,27 +9,35 @@ import numpy as np
 
 from lme.errors import InputError
 from lme.geometry.collision import sweep
+from lme.geometry.frames import to_world
 from lme.inputs import plausibility
 from lme.inputs.returned import checked_array
 from lme.robots import Footprint, Robot
 from lme.types import Floats, Pose
+from lme.worlds.movers import Mover
 from lme.worlds.world import Task, World
 
 
 def check_task(task: Task, robot: Robot) -> None:
-    """Raise InputError if the robot is not the task's or collides at the start, or an obstacle is near the goal."""
+    """Raise InputError if the robot is not the task's or collides at the start, or an obstacle is near the goal.
+
+    Movers count at the start where they begin, and at the goal if they never leave it.
+    """
     subject = _check_numbers(task)
     if task.robot and robot.name != task.robot:
         raise InputError(
             f"{subject}: the map set draws a robot for every world, and the robot is {robot.name}: "
             "must be driven with lme eval, or be another map"
         )
-    if footprint_clearance(task.world, robot.footprint, task.start) <= 0.0:
+    present = [mover for mover in task.world.movers if mover.times is None or mover.times[0] == 0.0]
+    worlds = task.world, _at_their_start(present)
+    if min(footprint_clearance(world, robot.footprint, task.start) for world in worlds) <= 0.0:
         raise InputError(
             f"{subject}: robot {robot.name} is in collision at the start {_coordinates(task.start)}: "
             "must be free (move the start, or choose another world)"
         )
-    clearance = point_clearance(task.world, task.goal)
+    standing = [mover for mover in task.world.movers if len(mover.path) == 1 and not mover.walks]
+    clearance = min(point_clearance(world, task.goal) for world in (task.world, _at_their_start(standing)))
     if clearance <= 0.0:
         raise InputError(
             f"{subject}: the goal {_coordinates(task.goal)} lies inside an obstacle: "
@@ -58,7 +66,12 @@ def _check_numbers(task: Task) -> str:
     checked_array(
         rules, (3,), f"{subject}: has rules", "(goal_tolerance [m], time_limit [s], clock_distance [m])"
     )
-    checked_array(world.circles, (None, 3), f"{subject}: has circles", "rows of (x, y, radius) [m]")
+    circles = checked_array(world.circles, (None, 3), f"{subject}: has circles", "rows of (x, y, radius) [m]")
+    if (circles[:, 2] < 0.0).any():
+        raise InputError(
+            f"{subject}: has the circle {_coordinates(circles[circles[:, 2].argmin()])}: "
+            "must have a radius of at least 0 m"
+        )
     checked_array(world.edges, (None, 4), f"{subject}: has walls", "rows of (x0, y0, x1, y1) [m]")
     plausibility.check(f"{subject}: start.yaw", task.start.yaw)
     return subject
@@ -79,6 +92,14 @@ def footprint_clearance(world: World, footprint: Footprint, pose: Pose) -> float
         return 0.0
     circles = np.ascontiguousarray(world.circles, dtype=np.float64)
     return sweep(np.array([pose], dtype=np.float64), footprint.box, circles, world.edges)[0]
+
+
+def _at_their_start(movers: Sequence[Mover]) -> World:
+    """Return a world with movers as static obstacles where their paths begin."""
+    discs = [(*mover.path[0, :2], mover.radius) for mover in movers if mover.outline is None]
+    outlines = [(mover.outline, Pose(*mover.path[0])) for mover in movers if mover.outline is not None]
+    polygons = tuple(to_world(outline, pose) for outline, pose in outlines)
+    return World(np.reshape(np.array(discs, dtype=np.float64), (-1, 3)), polygons=polygons)
 
 
 def _coordinates(numbers: Iterable[float]) -> str:

@@ -94,6 +94,9 @@ class Crowded:
     def __init__(self, config: CrowdedConfig, base: MapSet) -> None:
         self.config = config
         self._base = base
+        # `isinstance` with a protocol, such as `Named`, does not ask `__getattr__` from Python 3.12 on.
+        optional = {name: getattr(base, name) for name in ("name", "way", "drawn") if hasattr(base, name)}
+        self.__dict__.update(optional)
         self._built = lru_cache(maxsize=_TASKS_KEPT)(self._task)
 
     def __getattr__(self, name: str) -> Any:

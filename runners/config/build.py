@@ -171,15 +171,18 @@ def _warn_of_short_limits(settings: Sequence[EpisodeSetting], count: int) -> Non
         limits = sorted(episode.task.time_limit for episode in late)
         of = f"the first {len(settings)} of {count}" if len(settings) < count else f"{count}"
         warnings.warn(
-            f"map.time_limit is {limits[0]:g} s, and in {len(late)} of {of} worlds the shortest path takes "
+            f"map.time_limit is {limits[0]:g} s, and in {len(late)} of {of} worlds the map's shortest path takes "
             f"{_span(fastest[0], fastest[-1])} s at the highest speed of {_v_max(late[0].config):g} m/s: "
-            "the robot cannot arrive there in time",
+            "the robot can hardly arrive there in time",
             stacklevel=2,
         )
 
 
 def _fastest(episode_setting: EpisodeSetting) -> float:
-    """Return the time [s] of the shortest path to within the goal's tolerance at full speed."""
+    """Return the time [s] of the map's path to within the goal's tolerance at full speed.
+
+    That of BARN may be longer than the way that a robot finds.
+    """
     return (episode_setting.task.shortest_path_length - episode_setting.task.goal_tolerance) / _v_max(
         episode_setting.config
     )
@@ -203,7 +206,8 @@ def describe_limits(config: DriveConfig, frame: pd.DataFrame) -> str:
     fastest = (lengths - frame.groupby("world")["goal_tolerance_m"].first()) / _v_max(config)
     late = fastest[fastest > time_limit]
     beyond = (
-        f"; the shortest path takes {_span(late.min(), late.max())} s at v_max in {len(late)} of {len(lengths)} worlds"
+        f"; the map's shortest path takes {_span(late.min(), late.max())} s at v_max in {len(late)} of {len(lengths)} "
+        "worlds"
         if len(late)
         else ""
     )

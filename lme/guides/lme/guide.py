@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -188,8 +189,13 @@ class Lme:
 
 
 def _checked(criterion: Criterion) -> Criterion:
-    """Wrap a user's criterion so that it raises ReturnedError unless it gives each candidate a finite number."""
-    return lambda candidates, view: checked_values(criterion(candidates, view), len(candidates), criterion)
+    """Wrap a user's criterion so that it raises ReturnedError unless it gives each candidate a finite number.
+
+    It works on copies, since it may write to its arguments.
+    """
+    return lambda candidates, view: checked_values(
+        criterion(*deepcopy((candidates, view))), len(candidates), criterion
+    )
 
 
 def _in_view(point: Floats, reach: float, bearing_min: float, fov: float) -> bool:

@@ -12,7 +12,7 @@ from lme.config.systems import load_system
 from lme.errors import InputError
 from lme.inputs.plausibility import USUAL, check
 from lme.live.config import CloudConfig, LiveConfig, ScanConfig, mount_of
-from lme.robots import Cloud, Footprint, Lidar
+from lme.robots import Cap, Cloud, Footprint, Lidar
 from lme.types import Pose
 from lme.worlds.check import check_task
 from lme.worlds.cold_trial import drawn_robot
@@ -64,6 +64,7 @@ def test_the_value_its_unit_and_the_usual_range_are_named(says):
         lambda: load_system("simple", "stage", goal_tolerance=200.0),
         lambda: stage(settling_time=40.0),
         lambda: BuildConfig(radius=18.0),
+        lambda: Cap(v_max=50.0),
     ],
 )
 def test_an_unusual_value_gets_a_warning(make, says):

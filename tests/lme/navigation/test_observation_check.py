@@ -69,6 +69,29 @@ def test_a_part_of_the_beams_is_said(says):
         driver().act(looking(ranges=RANGES[:100]))
 
 
+def turning(scale_m=1.0, scale_rad=1.0):
+    """Give a navigator the odometry of a circle, in these units."""
+    made = driver("lme")
+    for k in range(12):
+        yaw = 0.05 * k
+        pose = Pose(scale_m * math.sin(yaw), scale_m * (1.0 - math.cos(yaw)), scale_rad * yaw)
+        made.act(looking(odometry=pose, twist=Twist(1.0, 1.0)))
+
+
+@pytest.mark.parametrize("scales", [(1000.0, 1.0), (1.0, math.degrees(1.0))], ids=["millimetres", "degrees"])
+def test_odometry_in_another_unit_is_said_once(scales, says):
+    with says.warns(match="odometry"):
+        turning(*scales)
+
+
+def test_odometry_may_jump_at_a_correction(recwarn):
+    turning()
+    made = driver("lme")
+    for k in range(12):
+        made.act(looking(odometry=Pose(0.05 * k + 3.0 * (k > 5), 0.0, 0.0), twist=Twist(0.5, 0.0)))
+    assert not recwarn
+
+
 def test_a_refused_observation_changes_nothing():
     steps = [looking(odometry=Pose(0.1 * k, 0.0, 0.0), twist=Twist(1.0, 0.0)) for k in range(4)]
     undisturbed, disturbed = driver(), driver()

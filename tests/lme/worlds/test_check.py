@@ -14,6 +14,7 @@ from lme.robots import Footprint
 from lme.types import Pose
 from lme.worlds.barn.map_set import Barn
 from lme.worlds.check import check_task, footprint_clearance, point_clearance
+from lme.worlds.movers import ORCA, Mover
 from lme.worlds.world import World
 from tests.builders import stage, task
 from tests.tolerances import KERNEL
@@ -95,6 +96,42 @@ def test_a_goal_inside_an_obstacle(world, says):
 def test_a_goal_too_close_to_an_obstacle(says):
     with says.raises(InputError):
         check_task(task(segments((3.0, 0.1, 5.0, 0.1))), stage())
+
+
+def mover(*path, **settings):
+    return World(movers=(Mover(path=np.array(path), **{"radius": 0.25, **settings}),))
+
+
+@pytest.mark.parametrize(
+    "world",
+    [
+        mover((0.3, 0.0), (4.0, 3.0)),
+        mover((0.0, 0.0), radius=None, outline=SQUARE),
+        mover((0.0, 0.0), (1.0, 0.0), times=np.array([0.0, 5.0])),
+        mover((4.0, 0.2)),
+    ],
+)
+def test_a_mover_on_the_start_or_for_ever_on_the_goal(world, says):
+    with says.raises(InputError):
+        check_task(task(world), stage())
+
+
+@pytest.mark.parametrize(
+    "world",
+    [
+        mover((4.0, 0.0), (4.0, 3.0)),
+        mover((4.0, 3.0), (4.0, 0.0)),
+        mover((4.0, 0.0), motion=ORCA),
+        mover((0.0, 0.0), (1.0, 0.0), times=np.array([1.0, 5.0])),
+    ],
+)
+def test_a_mover_that_is_not_there_yet_or_goes_away(world):
+    check_task(task(world), stage())
+
+
+def test_a_disc_with_a_negative_radius(says):
+    with says.raises(InputError):
+        check_task(task(circles((2.0, 2.0, -0.3))), stage())
 
 
 def test_a_goal_in_a_concave_polygons_bay_is_outside():

@@ -26,5 +26,6 @@ def test_help(words, capsys, monkeypatch, says):
     text = capsys.readouterr().out
     # The options of a group are described in `conf/`, so a new one changes no wording.
     text = re.sub(r"^(    |  \* )\w+ .*\n( {24}.*\n)*", "", text, flags=re.MULTILINE)
-    # As Python 3.13 prints options: --output, -o FILE.
-    says(re.sub(r"(--\w+) (\S+), (-\w) \2", r"\1, \3 \2", text))
+    # As Python 3.13 prints options: --output, -o FILE; their descriptions begin on a line of their own.
+    text = re.sub(r"(--[\w-]+) (\S+), (-\w+) \2", r"\1, \3 \2", text)
+    says(re.sub(r"^(  -.*?\S) {2,}(?=\S)", r"\1\n" + 24 * " ", text, flags=re.MULTILINE))

@@ -125,6 +125,26 @@ def test_a_criterion_of_ones_own_counts(says):
         )
 
 
+def overwriting(candidates, view):
+    """A custom criterion that writes to its arguments."""
+    value = candidates[:, 1].copy()
+    candidates -= view.target
+    view.points[:] = 0.0
+    return value
+
+
+def test_a_criterion_may_write_to_its_arguments():
+    decisions = []
+    for name in ("leftness", "overwriting"):
+        config = load_settings(
+            "guide/lme", parameters={**PUBLISHED, "own": 1.0}, criteria={"own": f"{__name__}.{name}"}
+        )
+        seen = explained(Lme(config, stage()).escaper, observation(target=(8.0, 0.0)))
+        decisions.append((seen.candidates, seen.features, seen.new))
+    for one, other in zip(*decisions, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
 # --- symmetries ------------------------------------------------------------------------------------------
 
 
