@@ -34,6 +34,12 @@ def own_runs(tmp_path_factory):
         yield
 
 
+@pytest.fixture
+def no_own_weights(tmp_path, monkeypatch):
+    """The weights that a developer has trained in this checkout are not known."""
+    monkeypatch.chdir(tmp_path)
+
+
 @pytest.fixture(autouse=True, scope="session")
 def compiled(request, tmp_path_factory):
     """The kernels, before the tests of a worker of pytest-xdist that has many of them."""

@@ -122,6 +122,7 @@ def test_the_published_parameters(tmp_path):
     assert load_parameters(path) == published | {"d1": 2.0}
 
 
+@pytest.mark.usefixtures("no_own_weights")
 def test_an_unknown_name_says_which_there_are(says):
     with says.raises(InputError, match="robot.*'jakal'"):
         load_robot("jakal")

@@ -83,6 +83,7 @@ def test_changes_are_those_of_the_command_line(words, keywords, job_of):
     ],
     ids=str,
 )  # fmt: skip
+@pytest.mark.usefixtures("no_own_weights")
 def test_mistakes_are_named(name, keywords, says):
     with says.raises(InputError):
         lme.load_system(name, ROBOT, **keywords)

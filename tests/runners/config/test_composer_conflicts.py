@@ -7,6 +7,8 @@ from runners.config import command_line
 from runners.config.command_line import compose, compose_job
 from runners.config.composer import Composer
 
+pytestmark = pytest.mark.usefixtures("no_own_weights")
+
 NOTHING = "nothing here drives with this weight set; omit it, or choose a guide such as guide=lme"
 
 
