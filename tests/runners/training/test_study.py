@@ -396,7 +396,11 @@ def test_a_journal_of_other_steps_is_damaged(whole, tmp_path, old, new):
         opened(tmp_path, "random")
 
 
-@pytest.mark.parametrize("line", ["nothing", "[1]", '[{"a": [1]}, []]', '[{"a": 1}, 5]', "[" * 100_000])
+@pytest.mark.parametrize(
+    "line",
+    ["nothing", "[1]", '[{"a": [1]}, []]', '[{"a": 1}, 5]', "[" * 100_000],
+    ids=["no JSON", "one number", "list of values", "no scores", "deeply nested"],
+)
 def test_a_line_without_scores_is_named(tmp_path, line, says):
     log = ScoreLog(tmp_path / SCORE_LOG)
     log.add({"a": 1.5, "b": 2}, [("success", 1, 2.5)])
