@@ -66,6 +66,26 @@ def test_changes_are_those_of_the_command_line(words, keywords, job_of):
     assert not np.array_equal(driven(lme.load_system("lme", ROBOT)).trajectory, expected.trajectory)
 
 
+def test_a_system_by_its_path_finds_the_options_beside_it(tmp_path, monkeypatch):
+    for group, text in (
+        ("planner", "_target_: lme.planners.simple.Simple\nkp: 1.0\n"),
+        ("ablation", "# @package _global_\nguide: {candidates: {number: 40}}\n"),
+        (
+            "system",
+            "# @package _global_\ndefaults:\n  - override /guide: lme\n  - override /planner: mine\n"
+            "  - override /ablation: mine\n",
+        ),
+    ):
+        (tmp_path / "c" / group).mkdir(parents=True)
+        (tmp_path / "c" / group / "mine.yaml").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    expected = driven(lme.load_system("lme", ROBOT, **{"planner.kp": 1.0, "guide.candidates.number": 40}))
+    found = driven(lme.load_system("c/system/mine.yaml", ROBOT))
+    np.testing.assert_array_equal(found.trajectory, expected.trajectory)
+    with pytest.raises(InputError, match=r"^planner is 'mime': did you mean mine\?"):
+        lme.load_system("c/system/mine.yaml", ROBOT, planner="mime")
+
+
 @pytest.mark.parametrize(
     ("name", "keywords"),
     [
