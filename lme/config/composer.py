@@ -22,6 +22,7 @@ from lme.inputs.guarded_file import YAML_BYTES, read_text, read_yaml
 from lme.inputs.resources import overlaid, resource_dir
 
 SHIPPED = (resource_dir("conf"),)  # the config folders without those of a user
+CUSTOM = "custom"  # the option of a group that takes a class of the user's own
 _SELF, _HERE = "_self_", "_here_"
 _USUAL = re.compile(r"\$\{usual_sim:(\w+),(\w+)\}")  # with the groups that it names filled in
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from lme.config.composer import compose, folders_of
+from lme.config.composer import CUSTOM, compose, find, folders_of
 from lme.config.presets import configured, find_option, load_robot, option
 from lme.errors import InputError, building, nearest
 from lme.guides.lme.weight_files import PUBLISHED, with_network
@@ -46,7 +46,7 @@ def load_system(
     (OPEN_LOOP) or from the measured twist (CLOSED_LOOP). cap: highest speeds of its commands, as `{"v_max": 1.0}` [m/s,
     rad/s]; None: the system's own, if it has any. changes: words of the command line, as keywords: `guide`,
     `planner` and `filter` by name or by the path of a YAML, `ablation` by name or several in a list, and any key of
-    these parts, such as "planner.latency".
+    these parts, such as "planner.latency", or "planner._target_" for a class of your own.
 
     Call `reset(rng)` before each episode, and `act(observation)` in each control period.
 
@@ -55,7 +55,9 @@ def load_system(
     robot = load_robot(robot) if isinstance(robot, str) else robot
     file = find_option("system", name)
     system, folders = compose(file, "system"), folders_of(file, "system")
-    choices = {**system.choices, **{group: changes.pop(group) for group in _GROUPS if group in changes}}
+    custom = {p: CUSTOM for p in _PARTS if f"{p}._target_" in changes and find(f"{p}/{CUSTOM}")}
+    given = {group: changes.pop(group) for group in _GROUPS if group in changes}
+    choices = {**system.choices, **custom, **given}
 
     # Compose the whole config: ablations over the options, the system over these, the caller's changes over all.
     config: dict[str, Any] = {"weights": PUBLISHED, "ablation": {}, "robot": asdict(robot)}

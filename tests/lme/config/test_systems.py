@@ -1,6 +1,7 @@
 """load_system: any system by name, the same as `lme eval system=NAME` to the last bit."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -84,6 +85,30 @@ def test_a_system_by_its_path_finds_the_options_beside_it(tmp_path, monkeypatch)
     np.testing.assert_array_equal(found.trajectory, expected.trajectory)
     with pytest.raises(InputError, match=r"^planner is 'mime': did you mean mine\?"):
         lme.load_system("c/system/mine.yaml", ROBOT, planner="mime")
+
+
+class Own:
+    """A planner whose keys are not those of the system's."""
+
+    @dataclass
+    class Config:
+        speed: float = 0.5
+
+    def __init__(self, config, robot):
+        self.speed = config.speed
+
+    def reset(self, rng): ...
+
+    def plan(self, observation, guidance):
+        return lme.Twist(self.speed, 0.0)
+
+
+def test_a_class_of_the_users_own_has_its_own_keys():
+    target = {"planner._target_": f"{__name__}.Own"}
+    assert lme.load_system("lme", ROBOT, **target).planner.speed == 0.5
+    assert lme.load_system("lme", ROBOT, **target, **{"planner.speed": 0.8}).planner.speed == 0.8
+    with pytest.raises(InputError, match="unknown key 'heading_tolerance'"):
+        lme.load_system("lme", ROBOT, planner="simple", **target)
 
 
 @pytest.mark.parametrize(
