@@ -78,10 +78,13 @@ def _library_folders() -> tuple[Path, ...]:
 
 @functools.cache
 def _is_users(filename: str) -> bool:
-    """Return whether a file belongs neither to lme, nor to Python, nor to an installed package."""
-    if filename.startswith("<"):
-        return False
+    """Return whether a file exists, and belongs neither to lme, nor to Python, nor to an installed package.
+
+    A compiled module names a source that is not there, such as numpy/random/_common.pyx.
+    """
     path = Path(filename).resolve()
+    if not os.path.isfile(path):  # noqa: PTH113  (Path.is_file raises for long names)
+        return False
     if _is_library(filename) or _INSTALLED & {*path.parts}:
         return False
     return not any(path.is_relative_to(folder) for folder in _library_folders())

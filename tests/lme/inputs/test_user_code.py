@@ -44,6 +44,7 @@ def raised(function, *arguments):
         ("raise Own('mine')", "own.py:4: own.Own: mine"),
         ("raise SystemExit(0)", "own.py:4: SystemExit: 0"),
         ("np.linalg.inv(np.zeros((2, 2)))", "own.py:4: numpy.linalg.LinAlgError: Singular matrix"),
+        ("np.random.default_rng(0).normal(0.0, -1.0)", "own.py:4: ValueError: scale < 0"),
         ("import nosuchmodule", "own.py:4: ModuleNotFoundError: No module named 'nosuchmodule'"),
         ("compile('(', '<text>', 'exec')", "own.py:4: SyntaxError: '(' was never closed"),
     ],
