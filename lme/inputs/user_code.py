@@ -1,17 +1,24 @@
-"""Tell an error of a user's own code, such as a planner or a criterion, from one of lme, and say where it occurred."""
+"""Tell an error of a user's own code, such as a planner or a criterion, from one of lme, and say where it occurred.
+
+`check_call` finds a wrong signature before anything runs.
+"""
 
 from __future__ import annotations
 
 import functools
 import importlib
+import inspect
 import os
 import sys
 import sysconfig
 import traceback
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from lme.errors import InputError
+from lme.inputs.returned import dotted_name
 
 TRACEBACK = "LME_TRACEBACK"  # the environment variable that asks for tracebacks
 _PACKAGES = Path(__file__).resolve().parents[2]
@@ -68,6 +75,28 @@ def import_module(name: str) -> ModuleType:
         if not line and not isinstance(error, ImportError | SyntaxError):
             raise
         raise InputError(line or str(error)) from error
+
+
+def check_call(key: str, function: Callable[..., Any], *arguments: str) -> None:
+    """Raise InputError unless a class, method or function takes these positional arguments.
+
+    key: of the config, for the message. A callable whose own signature Python does not know is not checked.
+    """
+    plain = getattr(function, "__func__", function)  # of a method: with `self`, as it is written
+    expected = arguments if plain is function else ("self", *arguments)
+    try:
+        signature = inspect.signature(plain, follow_wrapped=False)
+    except (TypeError, ValueError):
+        return
+    if hasattr(plain, "__signature__"):  # declared, so the call may take others
+        return
+    try:
+        signature.bind(*expected)
+    except TypeError:
+        names = [each.replace(annotation=each.empty) for each in signature.parameters.values()]
+        raise InputError(
+            f"{key}: {dotted_name(plain)} takes {inspect.Signature(names)}: must take ({', '.join(expected)})"
+        ) from None
 
 
 @functools.cache

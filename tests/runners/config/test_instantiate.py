@@ -55,7 +55,9 @@ TARGET = f"{__name__}.Thing"
 
 
 def test_builds_with_config_and_arguments():
-    thing = build({"_target_": TARGET, "gain": 2, "inner": {"number": 4}, "needed": 1}, "planner", "robot", 7)
+    thing = build(
+        {"_target_": TARGET, "gain": 2, "inner": {"number": 4}, "needed": 1}, "planner", robot="robot", n=7
+    )
     assert isinstance(thing, Thing)
     assert thing.args == ("robot", 7)
     assert thing.config == ThingConfig(gain=2.0, inner=Inner(4), needed=1)
