@@ -13,6 +13,7 @@ import re
 import types
 import typing
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any, cast
 
 from omegaconf import DictConfig, ListConfig, OmegaConf
@@ -122,8 +123,12 @@ def _class(target: Any, key: str) -> Any:
         raise InputError(f"{key}._target_ is {target}: cannot be imported ({error})") from error
     cls = getattr(module, name, None)
     if cls is None:
+        file = getattr(module, "__file__", None) or "built in"
+        own = Path(f"{module_name.replace('.', '/')}.py")
+        hides = own.is_file() and own.resolve() != Path(file).resolve()
+        hidden = f"; it hides {own} in the working folder, which must be renamed" if hides else ""
         raise InputError(
-            f"{key}._target_ is {target}: {nearest(name, vars(module))}{module_name} has no {name}"
+            f"{key}._target_ is {target}: {nearest(name, vars(module))}{module_name} ({file}) has no {name}{hidden}"
         )
     if not dataclasses.is_dataclass(getattr(cls, "Config", None)):
         raise InputError(f"{key}._target_ is {target}: the class needs an attribute Config, a dataclass")
