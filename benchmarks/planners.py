@@ -14,10 +14,11 @@ import numpy as np
 from benchmarks.command import run_main
 from benchmarks.recording import parser, show
 from benchmarks.speed import machine
+from lme.config.composer import CUSTOM
 from lme.navigation.episode import run_episode
 from runners.config import build, catalogue
 from runners.config.command_line import compose_job
-from runners.config.composer import CUSTOM, Composer
+from runners.config.composer import Composer
 
 ROBOT = "jackal"  # the longest scan, 720 beams
 WORLDS = [1000, 1003, 1006, 1009, 1011]  # fresh worlds, one of each density and smoothing

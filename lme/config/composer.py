@@ -22,6 +22,7 @@ from lme.inputs.guarded_file import YAML_BYTES, read_text, read_yaml
 from lme.inputs.resources import overlaid, resource_dir
 
 SHIPPED = (resource_dir("conf"),)  # the config folders without those of a user
+CUSTOM = "custom"  # the option of a group that takes a class of the user's own
 _SELF, _HERE = "_self_", "_here_"
 _USUAL = re.compile(r"\$\{usual_sim:(\w+),(\w+)\}")  # with the groups that it names filled in
 
@@ -55,16 +56,26 @@ def find(name: str, folders: Sequence[Path] = SHIPPED) -> Path | None:
     return next(filter(os.path.isfile, files), None)  # Path.is_file raises for long names
 
 
+def folders_of(file: Path, group: str) -> tuple[Path, ...]:
+    """Return the folders for the defaults of a file: those that ship, and its own if it lies in one named `group`."""
+    folder = file.absolute().parent
+    return (*SHIPPED, folder.parent) if folder.name == group else SHIPPED
+
+
 def compose(
-    file: Path, group: str, folders: Sequence[Path] = SHIPPED, choices: Mapping[str, str] | None = None
+    file: Path,
+    group: str,
+    folders: Sequence[Path] | None = None,
+    choices: Mapping[str, str] | None = None,
 ) -> Option:
     """Merge the file of an option of `group` with those that its defaults list names.
 
-    group: empty for the config of a command. choices: options of other groups, for a list with `${planner}`; entries
-    that depend on another choice are left out. A user's file for a shipped class inherits from the shipped file of
-    this class, so that it may leave keys out. Raises InputError for a file that cannot be read or composed.
+    group: empty for the config of a command. folders: None for those of `folders_of`. choices: options of other
+    groups, for a list with `${planner}`; entries that depend on another choice are left out. A user's file for a
+    shipped class inherits from the shipped file of this class, so that it may leave keys out. Raises InputError for a
+    file that cannot be read or composed.
     """
-    own = _composed(file, group, None, folders, choices or {}, ())
+    own = _composed(file, group, None, folders or folders_of(file, group), choices or {}, ())
     base = None if file.is_relative_to(SHIPPED[0]) else _introducing(group, own.values.get("_target_"))
     if base is None or base in own.files:
         return own
@@ -257,7 +268,7 @@ def _composed(
             settings, files = overlaid(settings, layer.settings), [*files, *layer.files]
             chosen |= layer.choices
         elif group and "optional" not in keywords:  # the schema of a command is listed too, but is not a file
-            raise InputError(f"{file}: its defaults name {name}.yaml, which there is not")
+            raise InputError(f"{file}: its defaults name {name}.yaml, which does not exist")
     return Option(package, settings, chosen, tuple(files))
 
 

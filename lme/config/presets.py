@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import MISSING, asdict, fields, is_dataclass, replace
 from functools import cache
@@ -142,12 +142,14 @@ def option(
     name: str | Path,
     settings: Mapping[str, Any] | None = None,
     config: Mapping[str, Any] | None = None,
+    folders: Sequence[Path] = composer.SHIPPED,
 ) -> tuple[dict[str, Any], str]:
     """Return the values of the keys of `conf/GROUP/NAME.yaml`, some replaced by `settings`, and a name for messages.
 
-    config: other keys of the whole config, for values that follow them. Raises InputError.
+    config: other keys of the whole config, for values that follow them. folders: config folders that may hold the
+    option. Raises InputError.
     """
-    path = find_option(group, name)
+    path = find_option(group, name, folders)
     place = f"{group} {name}" if settings else str(path)
     values = overlaid(composer.compose(path, group).values, settings or {})
     return composer.resolved(group, values, config or {}, place), place
@@ -166,15 +168,19 @@ def configured(values: Mapping[str, Any], place: str, key: str) -> tuple[Any, An
     )
 
 
-def find_option(group: str, given: str | Path) -> Path:
-    """Return the file of an option, given its name or its path. Raises InputError if there is none."""
-    shipped = {path.stem: path for path in sorted((resource_dir("conf") / group).glob("*.yaml"))}
-    if given in shipped:
-        return shipped[str(given)]
+def find_option(group: str, given: str | Path, folders: Sequence[Path] = composer.SHIPPED) -> Path:
+    """Return the file of an option, given its path, or its name in one of the config folders.
+
+    Raises InputError if there is none.
+    """
+    files = [path for folder in folders for path in sorted((folder / group).glob("*.yaml"))]
+    options = {path.stem: path for path in reversed(files)}  # of two with one name, the first
+    if given in options:
+        return options[str(given)]
     own = expanded(given)
     if own.is_file():
         return own
-    known = [name for name in shipped if not name.startswith("_")]
+    known = [name for name in sorted(options) if not name.startswith("_")]
     what, names = group.replace("_", " "), ", ".join(known)
     hint = nearest(str(given), known)
     raise InputError(f"{what} is {str(given)!r}: {hint}must be one of {names}, or the path of a YAML file")

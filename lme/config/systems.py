@@ -7,7 +7,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from lme.config.composer import compose
+from lme.config.composer import CUSTOM, compose, find, folders_of
 from lme.config.presets import configured, find_option, load_robot, option
 from lme.errors import InputError, building, nearest
 from lme.guides.lme.weight_files import PUBLISHED, with_network
@@ -38,32 +38,38 @@ def load_system(
         navigator = lme.load_system("lme_plus", robot)
         navigator = lme.load_system("lme", robot, planner="dwa_tuned", **{"guide.candidates.number": 500})
 
-    name: in `conf/system/`. robot: it drives this one, or that of `conf/robot/` with this name. weights: as on the
-    command line; None: the system's own.
+    name: in `conf/system/`, or the path of a YAML in a folder `system`, beside which the folders `planner` and so on
+    may hold the options that it names. robot: it drives this one, or that of `conf/robot/` with this name. weights: as
+    on the command line; None: the system's own.
     goal_tolerance: the robot stops within this distance of the target [m]. people: "truth": those in the
     observations; "tracked": those found in the scans; "none". feedback: commands ramp from the last command
     (OPEN_LOOP) or from the measured twist (CLOSED_LOOP). cap: highest speeds of its commands, as `{"v_max": 1.0}` [m/s,
     rad/s]; None: the system's own, if it has any. changes: words of the command line, as keywords: `guide`,
     `planner` and `filter` by name or by the path of a YAML, `ablation` by name or several in a list, and any key of
-    these parts, such as "planner.latency".
+    these parts, such as "planner.latency", or "planner._target_" for a class of your own.
 
     Call `reset(rng)` before each episode, and `act(observation)` in each control period.
 
     Raises InputError for an unknown name or key, and for a wrong value.
     """
     robot = load_robot(robot) if isinstance(robot, str) else robot
-    system = compose(find_option("system", name), "system")
-    choices = {**system.choices, **{group: changes.pop(group) for group in _GROUPS if group in changes}}
+    file = find_option("system", name)
+    system, folders = compose(file, "system"), folders_of(file, "system")
+    custom = {p: CUSTOM for p in _PARTS if f"{p}._target_" in changes and find(f"{p}/{CUSTOM}")}
+    given = {group: changes.pop(group) for group in _GROUPS if group in changes}
+    choices = {**system.choices, **custom, **given}
 
     # Compose the whole config: ablations over the options, the system over these, the caller's changes over all.
     config: dict[str, Any] = {"weights": PUBLISHED, "ablation": {}, "robot": asdict(robot)}
     ablations = choices.get("ablation", ())
     for ablation in [ablations] if isinstance(ablations, str) else ablations:
-        config = overlaid(config, compose(find_option("ablation", ablation), "ablation").settings)
+        config = overlaid(config, compose(find_option("ablation", ablation, folders), "ablation").settings)
     config = overlaid(overlaid(config, system.settings), _nested(changes))
     if weights is not None:
         config["weights"] = str(weights)
-    parts = {part: option(part, choices.get(part, "none"), config.get(part), config) for part in _PARTS}
+    parts = {
+        part: option(part, choices.get(part, "none"), config.get(part), config, folders) for part in _PARTS
+    }
     if weights is not None and "parameters" not in parts["guide"][0]:
         raise InputError(f"weights is {str(weights)!r}: this guide has no parameters; omit it")
 

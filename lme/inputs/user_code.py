@@ -1,17 +1,24 @@
-"""Tell an error of a user's own code, such as a planner or a criterion, from one of lme, and say where it occurred."""
+"""Tell an error of a user's own code, such as a planner or a criterion, from one of lme, and say where it occurred.
+
+`check_call` finds a wrong signature before anything runs.
+"""
 
 from __future__ import annotations
 
 import functools
 import importlib
+import inspect
 import os
 import sys
 import sysconfig
 import traceback
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from lme.errors import InputError
+from lme.inputs.returned import dotted_name
 
 TRACEBACK = "LME_TRACEBACK"  # the environment variable that asks for tracebacks
 _PACKAGES = Path(__file__).resolve().parents[2]
@@ -70,6 +77,28 @@ def import_module(name: str) -> ModuleType:
         raise InputError(line or str(error)) from error
 
 
+def check_call(key: str, function: Callable[..., Any], *arguments: str) -> None:
+    """Raise InputError unless a class, method or function takes these positional arguments.
+
+    key: of the config, for the message. A callable whose own signature Python does not know is not checked.
+    """
+    plain = getattr(function, "__func__", function)  # of a method: with `self`, as it is written
+    expected = arguments if plain is function else ("self", *arguments)
+    try:
+        signature = inspect.signature(plain, follow_wrapped=False)
+    except (TypeError, ValueError):
+        return
+    if hasattr(plain, "__signature__"):  # declared, so the call may take others
+        return
+    try:
+        signature.bind(*expected)
+    except TypeError:
+        names = [each.replace(annotation=each.empty) for each in signature.parameters.values()]
+        raise InputError(
+            f"{key}: {dotted_name(plain)} takes {inspect.Signature(names)}: must take ({', '.join(expected)})"
+        ) from None
+
+
 @functools.cache
 def _library_folders() -> tuple[Path, ...]:
     paths = sysconfig.get_paths()
@@ -78,10 +107,13 @@ def _library_folders() -> tuple[Path, ...]:
 
 @functools.cache
 def _is_users(filename: str) -> bool:
-    """Return whether a file belongs neither to lme, nor to Python, nor to an installed package."""
-    if filename.startswith("<"):
-        return False
+    """Return whether a file exists, and belongs neither to lme, nor to Python, nor to an installed package.
+
+    A compiled module names a source that is not there, such as numpy/random/_common.pyx.
+    """
     path = Path(filename).resolve()
+    if not os.path.isfile(path):  # noqa: PTH113  (Path.is_file raises for long names)
+        return False
     if _is_library(filename) or _INSTALLED & {*path.parts}:
         return False
     return not any(path.is_relative_to(folder) for folder in _library_folders())

@@ -12,7 +12,13 @@ import numpy as np
 from lme.errors import InputError, require
 from lme.guides.lme.explanation import Decision, Explanation
 from lme.inputs import plausibility
-from lme.inputs.returned import ReturnedError, checked_command, checked_guidance, checked_people
+from lme.inputs.returned import (
+    ReturnedError,
+    checked_command,
+    checked_guidance,
+    checked_people,
+    dotted_name,
+)
 from lme.navigation.observation_check import ObservationCheck
 from lme.perception.dead_reckoning import DeadReckoning, Move
 from lme.perception.people.source import PeopleSource
@@ -127,8 +133,17 @@ class Navigator:
             self.guide.read_map(world, start)
 
     def explanation(self) -> Explanation | None:
-        """Return the guide's explanation of its last decision; None before the first, or if it has none."""
-        return self.guide.explanation() if isinstance(self.guide, Explainable) else None
+        """Return the guide's explanation of its last decision; None before the first, or if it has none.
+
+        Raises ReturnedError if the guide returns anything else.
+        """
+        explanation = self.guide.explanation() if isinstance(self.guide, Explainable) else None
+        if not isinstance(explanation, Explanation | None):
+            raise ReturnedError(
+                f"{dotted_name(self.guide)}.explanation returned {explanation!r:.80}: must be an "
+                f"{dotted_name(Explanation)}, or None"
+            )
+        return explanation
 
     def act(self, observation: Observation, time: float | None = None) -> Twist:
         """Return the velocity command for one control period, within the limits and one ramp of the last command.

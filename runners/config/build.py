@@ -11,6 +11,7 @@ import numpy as np
 
 from lme.errors import InputError, building, require
 from lme.guides.lme.weight_files import with_network
+from lme.inputs.user_code import check_call
 from lme.navigation.navigator import Navigator
 from lme.perception.people.source import People, people_source
 from lme.robots import Robot
@@ -42,29 +43,40 @@ def map_set(config: DriveConfig, worlds: Sequence[int] | None = None) -> MapSet:
     if not isinstance(config.map, Mapping):
         raise InputError(f"map is {config.map!r}: must be a map set")
     node = config.map if worlds is None else {**config.map, "worlds": list(worlds)}
-    maps = _checked("map", build(with_robot(node, config.robot), "map"), "numbers", "task")
-    return cast(MapSet, build(config.crowd, "crowd", maps) if config.crowd else maps)
+    maps = _checked("map", build(with_robot(node, config.robot), "map"), numbers=None, task=("number",))
+    return cast(MapSet, build(config.crowd, "crowd", maps=maps) if config.crowd else maps)
 
 
 def navigator(config: SystemConfig, robot: Robot | None = None) -> Navigator:
     """Build guide and planner of a config, with its filter, for its robot unless another is given."""
     robot = (robot or config.robot).capped(config.cap)
-    planner = _checked("planner", build(with_network(config.planner), "planner", robot), "reset", "plan")
+    methods = {"reset": ("rng",), "plan": ("observation", "guidance")}
+    planner = _checked("planner", build(with_network(config.planner), "planner", robot=robot), **methods)
     if config.filter:
-        planner = build(config.filter, "filter", planner, robot)
+        planner = _checked("filter", build(config.filter, "filter", planner=planner, robot=robot), **methods)
     people = people_source(people_of(config), robot)
-    guide = _checked("guide", build(with_network(config.guide, "guide"), "guide", robot), "reset", "guide")
+    guide = build(with_network(config.guide, "guide"), "guide", robot=robot)
+    _checked("guide", guide, reset=("rng",), guide=("observation",))
+    optional = {"read_map": ("world", "start"), "explanation": ()}
+    _checked("guide", guide, **{name: optional[name] for name in optional if hasattr(guide, name)})
     return Navigator(guide, planner, people=people, feedback=config.feedback, dt=robot.dt, cap=config.cap)
 
 
-def _checked(key: str, part: Any, *members: str) -> Any:
-    """Return what the config made. Raises InputError if it lacks a member, as a user's own class may."""
+def _checked(key: str, part: Any, **members: tuple[str, ...] | None) -> Any:
+    """Return what the config made.
+
+    members: by name, with the arguments of methods. Raises InputError if one is missing or takes other arguments, as in
+    a user's own class.
+    """
     missing = [name for name in members if not hasattr(part, name)]
     if missing:
         raise InputError(
             f"{key}._target_: {type(part).__name__} has no {missing[0]}; it must have {' and '.join(members)} "
             "(docs/howto/planner.md)"
         )
+    for name, arguments in members.items():
+        if arguments is not None:
+            check_call(f"{key}._target_", getattr(part, name), *arguments)
     return part
 
 
@@ -83,7 +95,7 @@ def refuse_truth(config: SystemConfig) -> None:
 
 def simulator(config: DriveConfig) -> Simulator:
     """Build the simulator of a config."""
-    return cast(Simulator, build(config.sim, "sim", config.robot))
+    return cast(Simulator, build(config.sim, "sim", robot=config.robot))
 
 
 class EpisodeSetting(NamedTuple):

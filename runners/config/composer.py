@@ -23,6 +23,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
+from lme.config.composer import CUSTOM
 from lme.errors import InputError, nearest
 from lme.guides.lme.weight_files import PUBLISHED, find_weights
 from lme.inputs.resources import resource_dir
@@ -38,7 +39,6 @@ COMPOSING = (
     AttributeError, AssertionError, OSError,
 )  # fmt: skip
 _LONGEST = 255  # [characters] of a key: a group is a folder, whose name cannot be longer
-CUSTOM = "custom"  # the option of a group that takes a class of the user's own
 SEVERAL_OPTIONS = (systems.ABLATION,)  # groups of which a list of options may be chosen
 OPEN_MAPPINGS = (  # may be given new keys
     "ablation", "scale", "guide.criteria", "space", "held_out", "training", "training_robots", "training_radius",

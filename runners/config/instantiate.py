@@ -13,6 +13,7 @@ import re
 import types
 import typing
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any, cast
 
 from omegaconf import DictConfig, ListConfig, OmegaConf
@@ -20,22 +21,23 @@ from omegaconf.errors import ConfigKeyError, GrammarParseError, OmegaConfBaseExc
 
 from lme import robots
 from lme.errors import InputError, building, nearest
-from lme.inputs.user_code import import_module
+from lme.inputs.user_code import check_call, import_module
 
 _WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: "text", type(None): "null"}
 _FULL_KEY = re.compile(r"full_key: *(\S+)")
 _VALUE = re.compile(r"(?:[Vv]alue) '(.*?)'(?: of type| is not|,| for)|(?:to string|value): (.*)")
 
 
-def build(node: DictConfig | Mapping[str, Any], key: str, *args: Any) -> Any:
-    """Build the object that `node` describes: its class called with its Config and `args`.
+def build(node: DictConfig | Mapping[str, Any], key: str, **others: Any) -> Any:
+    """Build the object that `node` describes: its class called with its Config and then `others`, by position.
 
     key: key of the node in the config ("planner"), for messages. Raises InputError naming key, value
     and what would be right.
     """
     cls, config = configured(node, key)
+    check_call(f"{key}._target_", cls, "config", *others)
     with building(key):
-        return cls(config, *args)
+        return cls(config, *others.values())
 
 
 def configured(node: DictConfig | Mapping[str, Any], key: str) -> tuple[Any, Any]:
@@ -121,8 +123,12 @@ def _class(target: Any, key: str) -> Any:
         raise InputError(f"{key}._target_ is {target}: cannot be imported ({error})") from error
     cls = getattr(module, name, None)
     if cls is None:
+        file = getattr(module, "__file__", None) or "built in"
+        own = Path(f"{module_name.replace('.', '/')}.py")
+        hides = own.is_file() and own.resolve() != Path(file).resolve()
+        hidden = f"; it hides {own} in the working folder, which must be renamed" if hides else ""
         raise InputError(
-            f"{key}._target_ is {target}: {nearest(name, vars(module))}{module_name} has no {name}"
+            f"{key}._target_ is {target}: {nearest(name, vars(module))}{module_name} ({file}) has no {name}{hidden}"
         )
     if not dataclasses.is_dataclass(getattr(cls, "Config", None)):
         raise InputError(f"{key}._target_ is {target}: the class needs an attribute Config, a dataclass")

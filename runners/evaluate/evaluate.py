@@ -9,11 +9,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from lme.config.composer import CUSTOM
 from lme.errors import InputError
 from lme.worlds.world import DrawsRobots, MapSet, Named
 from runners.config import build, instantiate, systems
 from runners.config.catalogue import Catalogue
-from runners.config.composer import CUSTOM
 from runners.config.job import Job
 from runners.config.quoting import key_of, resume_command
 from runners.config.schema import (

@@ -120,7 +120,7 @@ def _payload(job: Job[LearnConfig], learner: Learner) -> RolloutPayload:
     part = learned_part(config)
     if part == "planner":
         for node in guides.values():
-            instantiate.build(with_network(node, "guide"), "guide", config.robot)
+            instantiate.build(with_network(node, "guide"), "guide", robot=config.robot)
     if learner.expert is None:
         return RolloutPayload(config, guides, None, part)
     planner, guide, settings = (learner.expert[key] for key in ("planner", "guide", "settings"))
@@ -128,7 +128,7 @@ def _payload(job: Job[LearnConfig], learner: Learner) -> RolloutPayload:
         named_option(job, "learner.expert.planner", "planner", planner, settings),
         None if guide is None else named_option(job, "learner.expert.guide", "guide", guide),
     )
-    instantiate.build(with_network(expert.planner), "learner.expert", config.robot)
+    instantiate.build(with_network(expert.planner), "learner.expert", robot=config.robot)
     return RolloutPayload(config, guides, expert)
 
 
@@ -145,7 +145,7 @@ def _check_network(job: Job[LearnConfig]) -> None:
         find_network(config.start, "start")
     learned_config(config)
     if learns_guide(config):
-        instantiate.build(with_network(config.planner), "planner", config.robot)
+        instantiate.build(with_network(config.planner), "planner", robot=config.robot)
     reported = [
         key for key, value in dict(config.planner.get("reported_limits", {})).items() if value is not None
     ]

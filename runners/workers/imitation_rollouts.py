@@ -148,10 +148,14 @@ class TeachingNavigator(Navigator):
         assert expert is not None
         self._student = cast(NetworkPlanner, student)
         with _without_warnings():
-            self._expert: Planner = instantiate.build(with_network(expert.planner), "learner.expert", robot)
+            self._expert: Planner = instantiate.build(
+                with_network(expert.planner), "learner.expert", robot=robot
+            )
         expert_guide = expert.guide if rollout.guide == "target" else None
         self._guide: Guide | None = (
-            None if expert_guide is None else instantiate.build(expert_guide, "learner.expert.guide", robot)
+            None
+            if expert_guide is None
+            else instantiate.build(expert_guide, "learner.expert.guide", robot=robot)
         )
         self._beta = rollout.beta or 0.0
         self._expert_drives, self._remaining_steps = False, 0
@@ -207,7 +211,7 @@ def _student(payload: RolloutPayload, rollout: ImitationRollout, robot: Robot) -
     nodes[payload.learned] = {**nodes[payload.learned], "weights": rollout.network}
     with _without_warnings():
         guide, planner = (
-            instantiate.build(with_network(node, group), group, robot) for group, node in nodes.items()
+            instantiate.build(with_network(node, group), group, robot=robot) for group, node in nodes.items()
         )
     return guide, planner
 

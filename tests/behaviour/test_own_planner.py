@@ -87,3 +87,33 @@ def test_a_class_without_its_methods_is_refused_before_it_runs(folder, capsys, s
     (own / "bare.yaml").write_text("_target_: bad.Bare\n")
     assert main(["eval", "--config-dir", "mine", f"{group}=bare", "tracking=none", "executor=serial"]) == 2
     says(capsys.readouterr().err)
+
+
+PLANNER = {"__init__": "self, config, robot", "reset": "self, rng", "plan": "self, observation, guidance"}
+GUIDE = {**PLANNER, "guide": "self, observation"}
+MAP = {"__init__": "self, config", "task": "self, number"}
+
+
+@pytest.mark.parametrize(
+    ("group", "methods"),
+    [
+        ("planner", {**PLANNER, "__init__": "self, config"}),
+        ("planner", {**PLANNER, "plan": "self, o"}),
+        ("planner", {**PLANNER, "reset": "self"}),
+        ("guide", {**GUIDE, "__init__": "self, config"}),
+        ("guide", {**GUIDE, "read_map": "self"}),
+        ("guide", {**GUIDE, "explanation": "self, step"}),
+        ("map", {**MAP, "__init__": "self"}),
+        ("map", {**MAP, "task": "self"}),
+    ],
+)
+def test_a_method_that_takes_other_arguments_is_refused_before_it_runs(folder, capsys, says, group, methods):
+    part = "from dataclasses import dataclass\n@dataclass\nclass Config:\n    pass\n"
+    part += "class Odd:\n    Config = Config\n    numbers = (0,)\n"
+    part += "".join(f"    def {name}({arguments}): ...\n" for name, arguments in methods.items())
+    (folder / "bad.py").write_text(part)
+    own = folder / "mine" / group
+    own.mkdir(parents=True)
+    (own / "odd.yaml").write_text("_target_: bad.Odd\n")
+    assert main(["eval", "--config-dir", "mine", f"{group}=odd", "tracking=none", "executor=serial"]) == 2
+    says(capsys.readouterr().err)

@@ -9,6 +9,7 @@ import pytest
 
 import lme.guides.lme.guide
 import lme.planners.mppi.planner
+from lme.config.composer import CUSTOM
 from lme.config.presets import load_settings
 from lme.guides.lme import weight_files
 from lme.navigation.episode import run_episode
@@ -17,7 +18,6 @@ from lme.simulation.fast import FastSimulator
 from lme.types import Outcome, Pose, Twist
 from lme.worlds.world import World
 from runners.config import catalogue, systems
-from runners.config.composer import CUSTOM
 from tests.builders import CLUTTER, SHIPPED, observation, room, shipped, task, without_errors
 from tests.networks import drl_vo_file, ipaprec_file, lics_file, network_file, onnx_file, subgoal_file
 from tests.tolerances import KERNEL, MIRROR, MIRROR_ON_CELLS

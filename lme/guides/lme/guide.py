@@ -12,7 +12,7 @@ from typing import Self
 
 import numpy as np
 
-from lme.errors import InputError, argument_error, require
+from lme.errors import InputError, argument_error, config_key, require
 from lme.geometry.fan import fan_blocked
 from lme.guides.lme import criteria as paper
 from lme.guides.lme.candidates import CandidateConfig, sample
@@ -23,7 +23,7 @@ from lme.guides.lme.score import CRITERIA, Parameters, rank, read_parameters
 from lme.guides.lme.surmount import RULES, find_blockage
 from lme.guides.lme.weight_files import PUBLISHED, learned_parameters
 from lme.inputs.returned import checked_values
-from lme.inputs.user_code import import_module
+from lme.inputs.user_code import check_call, import_module
 from lme.perception.dead_reckoning import DeadReckoning
 from lme.perception.scan_points import is_full_circle, obstacle_points
 from lme.robots import Robot
@@ -216,4 +216,5 @@ def _load(paths: Mapping[str, str]) -> dict[str, Criterion]:
             raise argument_error(
                 f"criteria.{name} is {path!r}: must be the dotted path of a function ({error})"
             ) from error
+        check_call(config_key(f"criteria.{name}"), loaded[name], "candidates", "view")
     return loaded

@@ -1,6 +1,7 @@
 """Robots and parameters by name, without Hydra."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -49,6 +50,16 @@ def test_a_file_may_be_in_the_home_folder(tmp_path, monkeypatch):
     (tmp_path / "weights.yaml").write_text(find_weights("published").read_text(encoding="utf-8"))
     assert load_robot("~/mine.yaml") == load_robot("stage")
     assert load_parameters("~/weights.yaml") == load_parameters("published")
+
+
+@pytest.mark.parametrize("folder", [".", "robot"])
+def test_a_robots_file_inherits_those_beside_it(tmp_path, monkeypatch, folder):
+    (tmp_path / "robot").mkdir()
+    (tmp_path / "robot" / "mine.yaml").write_text("defaults: [stage, _self_]\nname: mine\n")
+    (tmp_path / "robot" / "fast.yaml").write_text("defaults: [mine, _self_]\nv_max: 2.0\n")
+    monkeypatch.chdir(tmp_path / folder)
+    fast = load_robot("fast.yaml" if folder == "robot" else "robot/fast.yaml")
+    assert fast == replace(load_robot("stage"), name="mine", v_max=2.0)
 
 
 def test_settings_without_a_group_are_one_line(says):

@@ -1,6 +1,7 @@
 """load_system: any system by name, the same as `lme eval system=NAME` to the last bit."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -64,6 +65,50 @@ def test_changes_are_those_of_the_command_line(words, keywords, job_of):
         driven(lme.load_system("lme", ROBOT, **keywords)).trajectory, expected.trajectory
     )
     assert not np.array_equal(driven(lme.load_system("lme", ROBOT)).trajectory, expected.trajectory)
+
+
+def test_a_system_by_its_path_finds_the_options_beside_it(tmp_path, monkeypatch):
+    for group, text in (
+        ("planner", "_target_: lme.planners.simple.Simple\nkp: 1.0\n"),
+        ("ablation", "# @package _global_\nguide: {candidates: {number: 40}}\n"),
+        (
+            "system",
+            "# @package _global_\ndefaults:\n  - override /guide: lme\n  - override /planner: mine\n"
+            "  - override /ablation: mine\n",
+        ),
+    ):
+        (tmp_path / "c" / group).mkdir(parents=True)
+        (tmp_path / "c" / group / "mine.yaml").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    expected = driven(lme.load_system("lme", ROBOT, **{"planner.kp": 1.0, "guide.candidates.number": 40}))
+    found = driven(lme.load_system("c/system/mine.yaml", ROBOT))
+    np.testing.assert_array_equal(found.trajectory, expected.trajectory)
+    with pytest.raises(InputError, match=r"^planner is 'mime': did you mean mine\?"):
+        lme.load_system("c/system/mine.yaml", ROBOT, planner="mime")
+
+
+class Own:
+    """A planner whose keys are not those of the system's."""
+
+    @dataclass
+    class Config:
+        speed: float = 0.5
+
+    def __init__(self, config, robot):
+        self.speed = config.speed
+
+    def reset(self, rng): ...
+
+    def plan(self, observation, guidance):
+        return lme.Twist(self.speed, 0.0)
+
+
+def test_a_class_of_the_users_own_has_its_own_keys():
+    target = {"planner._target_": f"{__name__}.Own"}
+    assert lme.load_system("lme", ROBOT, **target).planner.speed == 0.5
+    assert lme.load_system("lme", ROBOT, **target, **{"planner.speed": 0.8}).planner.speed == 0.8
+    with pytest.raises(InputError, match="unknown key 'heading_tolerance'"):
+        lme.load_system("lme", ROBOT, planner="simple", **target)
 
 
 @pytest.mark.parametrize(

@@ -1,13 +1,16 @@
 """Whose code raised an error, and what is said of it."""
 
+import functools
 import importlib
+import inspect
 import sys
 
+import numba
 import pytest
 
 from lme.errors import InputError, require
 from lme.geometry.frames import to_world
-from lme.inputs.user_code import explained, import_module, show_traceback, user_error
+from lme.inputs.user_code import check_call, explained, import_module, show_traceback, user_error
 
 
 @pytest.fixture
@@ -44,6 +47,7 @@ def raised(function, *arguments):
         ("raise Own('mine')", "own.py:4: own.Own: mine"),
         ("raise SystemExit(0)", "own.py:4: SystemExit: 0"),
         ("np.linalg.inv(np.zeros((2, 2)))", "own.py:4: numpy.linalg.LinAlgError: Singular matrix"),
+        ("np.random.default_rng(0).normal(0.0, -1.0)", "own.py:4: ValueError: scale < 0"),
         ("import nosuchmodule", "own.py:4: ModuleNotFoundError: No module named 'nosuchmodule'"),
         ("compile('(', '<text>', 'exec')", "own.py:4: SyntaxError: '(' was never closed"),
     ],
@@ -106,3 +110,59 @@ def test_a_traceback_is_shown_only_where_it_is_asked_for(write, monkeypatch, cap
     error.trace = "as elsewhere\n"
     show_traceback(error)
     assert capsys.readouterr().err == "as elsewhere\n"
+
+
+class Fits:
+    """A class whose methods all take an observation and guidance, each in its own way."""
+
+    def __init__(self, config, robot=None, *, other=None): ...
+
+    def plain(self, observation, guidance, scale=1.0): ...
+
+    def any(self, *args, **kwargs): ...
+
+    @classmethod
+    def of_class(cls, observation, guidance): ...
+
+    @staticmethod
+    def of_none(observation, guidance): ...
+
+    @functools.wraps(explained)
+    def decorated(self, *args): ...
+
+    declared = functools.wraps(explained)(lambda self, observation, guidance: None)
+    declared.__signature__ = inspect.signature(explained)
+    compiled = staticmethod(numba.njit(lambda observation, guidance: observation))
+    partial = functools.partial(lambda mine, observation, guidance: None, 1)
+    native = staticmethod(max)
+    exact = staticmethod(divmod)
+
+
+class Made:
+    def __new__(cls, *args): ...
+
+
+def test_a_callable_that_takes_the_arguments_is_not_refused():
+    for name in (name for name in vars(Fits) if not name.startswith("__")):
+        check_call("key", getattr(Fits(None), name), "observation", "guidance")
+    for cls in (Fits, Made, dict):
+        check_call("key", cls, "config")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "def f(observation): ...",
+        "def f(observation: int, *, guidance) -> int: ...",
+        "def f(observation, guidance, more): ...",
+        "class f: ...",
+        "class f:\n    def __init__(self, config): ...",
+        "class C:\n    def plan(self, o): ...\nf = C().plan",
+        "class C:\n    def plan(): ...\nf = C().plan",
+        "class C:\n    @staticmethod\n    def plan(o): ...\nf = C.plan",
+    ],
+)
+def test_a_callable_that_takes_other_arguments_is_named_with_both(write, text, says):
+    own = importlib.import_module(write("own", text))
+    with says.raises(InputError, match="must take"):
+        check_call("planner._target_", own.f, "observation", "guidance")

@@ -9,7 +9,8 @@ from lme.config.presets import load_settings
 from lme.errors import InputError
 from lme.guides.lme.guide import Lme
 from lme.guides.target import Target, TargetConfig
-from lme.navigation.navigator import Navigator
+from lme.inputs.returned import ReturnedError
+from lme.navigation.navigator import Explanations, Navigator
 from lme.perception.people.source import Nobody
 from lme.planners.simple import Simple
 from lme.types import Guidance, Pose, Twist
@@ -51,6 +52,19 @@ def test_the_step_is_counted_from_each_reset(guide, planner, said):
             navigator.act(observation())
         with pytest.raises(InputError, match=rf"^step 3: {__name__}\.{said}"):
             navigator.act(observation())
+
+
+class Explains(Fails):
+    """A guide that explains itself in words."""
+
+    def explanation(self):
+        return "because"
+
+
+def test_an_explanation_of_another_type_is_named(says):
+    navigator = Navigator(Explains(), Simple(load_settings("planner/simple"), stage()))
+    with says.raises(ReturnedError, match="'because'"):
+        Explanations(navigator).new()
 
 
 def sometimes_nan(candidates, view):

@@ -1,7 +1,9 @@
 """A node with `_target_`: its class, its Config, and what is said when they do not fit."""
 
 import enum
+import json
 import math
+import re
 from dataclasses import dataclass, field
 
 import pytest
@@ -55,7 +57,9 @@ TARGET = f"{__name__}.Thing"
 
 
 def test_builds_with_config_and_arguments():
-    thing = build({"_target_": TARGET, "gain": 2, "inner": {"number": 4}, "needed": 1}, "planner", "robot", 7)
+    thing = build(
+        {"_target_": TARGET, "gain": 2, "inner": {"number": 4}, "needed": 1}, "planner", robot="robot", n=7
+    )
     assert isinstance(thing, Thing)
     assert thing.args == ("robot", 7)
     assert thing.config == ThingConfig(gain=2.0, inner=Inner(4), needed=1)
@@ -116,6 +120,18 @@ def test_arguments_that_do_not_fit_the_target_are_refused(given, says):
 def test_an_invalid_target_is_refused(node, says):
     with says.raises(InputError):
         build(node, "planner")
+
+
+def test_a_file_that_another_module_hides_is_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name, file in (("json", json.__file__), ("sys", "built in")):
+        said = f"planner._target_ is {name}.Pqzx: {name} ({file}) has no Pqzx"
+        with pytest.raises(InputError, match=f"^{re.escape(said)}$"):
+            build({"_target_": f"{name}.Pqzx"}, "planner")
+        (tmp_path / f"{name}.py").touch()
+        said += f"; it hides {name}.py in the working folder, which must be renamed"
+        with pytest.raises(InputError, match=f"^{re.escape(said)}$"):
+            build({"_target_": f"{name}.Pqzx"}, "planner")
 
 
 def test_a_dataclass_with_a_required_inner_one(says):

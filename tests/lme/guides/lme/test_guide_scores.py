@@ -145,6 +145,15 @@ def test_a_criterion_may_write_to_its_arguments():
         np.testing.assert_array_equal(one, other)
 
 
+def test_a_criterion_that_takes_other_arguments_is_named(says):
+    name = f"{__name__}.scores_of_one"
+    with says.raises(InputError):
+        Lme(load_settings("guide/lme", parameters={**PUBLISHED, "x": 1.0}, criteria={"x": name}), stage())
+
+
+def scores_of_one(candidates): ...
+
+
 # --- symmetries ------------------------------------------------------------------------------------------
 
 
