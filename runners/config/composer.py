@@ -308,6 +308,9 @@ def refuse_conflicts(overrides: Sequence[Override], configs: Collection[DictConf
         _check_fresh(key, configs)
     if "weights" in texts:
         _check_weights(texts["weights"], configs)
+    for key, text in texts.items():
+        if key.partition(".")[0] in (systems.ABLATION, "experiment"):
+            _check_ablation(text, configs)
 
 
 def _check_fresh(key: str, configs: Collection[DictConfig]) -> None:
@@ -350,6 +353,18 @@ def _check_weights(text: str, configs: Collection[DictConfig]) -> None:
     for name in dict.fromkeys(str(config["weights"]) for config in plain):
         if "${" not in name:
             find_weights(name)
+
+
+def _check_ablation(text: str, configs: Collection[DictConfig]) -> None:
+    """Raise InputError for an ablation of parameters if no guide here has any; in a sweep some may have none."""
+    plain: list[Any] = [OmegaConf.to_container(without_hydra(config), resolve=False) for config in configs]
+    if any(config["ablation"] for config in plain) and not any(
+        "learner" in config or takes_weights(config) for config in plain
+    ):
+        raise InputError(
+            f"{text}: this ablation sets parameters of a guide, and no guide here has any; omit it, or choose a guide "
+            "such as guide=lme"
+        )
 
 
 def _drives_with_weights(config: Mapping[str, Any]) -> bool:

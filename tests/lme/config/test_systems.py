@@ -77,6 +77,7 @@ def test_changes_are_those_of_the_command_line(words, keywords, job_of):
         ("lme", {"guide.history_length": "eight"}),
         ("dwa", {"weights": "published"}),
         ("lme", {"ablation": "no_c_x"}),
+        ("dwa_tuned", {"ablation": "no_c_h"}),
         ("lme", {"goal_tolerance": -1.0}),
         ("lme", {"cap": {"v_max": 0.0}}),
         ("lme", {"cap": {"v": 1.0}}),
