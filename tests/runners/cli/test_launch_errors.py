@@ -166,6 +166,17 @@ def test_several_options_in_a_sweep(launch, says):
     says(launch("-m", "map=barn,[env1,env2]"))
 
 
+@pytest.mark.parametrize(
+    "words", [["-m", "sim.latency=interval(0,0.1)"], ["seed=interval(1,2)"]], ids=" ".join
+)
+def test_an_interval_has_no_values_to_sweep(launch, words, says):
+    says(launch(*words))
+
+
+def test_a_glob_that_matches_no_option(launch, says):
+    says(launch("-m", "robot=glob(_*)"))
+
+
 def test_a_mistake_in_one_job_of_a_sweep(launch, says):
     says(launch("-m", "robot=jackal,nope"))
     says(launch("-m", "seed=0,x", "robot=jackal,go2"))
