@@ -94,6 +94,11 @@ def test_the_table_says_what_the_robot_did(replay, plain):
     np.testing.assert_allclose(table["time_s"], np.arange(30) * 0.2, atol=1e-6)
 
 
+def test_headings_are_not_compared_with_places_that_the_robot_never_reached(replay, plain, capsys):
+    replay(plain, "ahead=100")
+    assert "not compared: the robot never got 100 m (ahead) away" in capsys.readouterr().out
+
+
 def test_the_goal_is_where_the_recording_ends(replay, plain):
     last = way(60)[-1][0]
     table = replay(plain)
