@@ -16,7 +16,7 @@ import pandas as pd
 from lme.live.messages import Tilt
 from lme.types import Pose
 from runners.cli.main import main
-from runners.recordings import figures
+from runners.recordings import figures, report
 from tests.made_bags import BEGAN, OTHERS, SECOND, drive, way
 
 BAGS = SHARED / "bags"
@@ -83,6 +83,15 @@ def test_a_replay_writes_its_records_and_figures(replay, plain, capsys):
     assert "30 decisions" in shown
     assert "mounted as tf says" in shown
     assert f"scans    {found['beams_without_return']} of {30 * 360} beams without return, 0 scans" in shown
+
+
+def test_one_of_anything_is_counted_in_the_singular(replay, plain):
+    replay(plain)
+    found = json.loads((replay.folder / "agreement.json").read_text())
+    once = {"ticks": 1, "skipped_no_pose": 1, "scans_without_point": 1}
+    first, *_, last = report.lines({**found, **once}, ahead=1.0)
+    assert first.startswith("1 decision over 5.8 s, 1 tick left out, ")
+    assert last.endswith(", 1 scan without a point")
 
 
 def test_the_table_says_what_the_robot_did(replay, plain):
