@@ -30,8 +30,11 @@ class Footprint:
         disc = self.radius is not None
         sides = (self.length is not None) + (self.width is not None)
         if (disc and sides) or (not disc and sides != 2):
+            radius, length, width = (
+                "null" if value is None else value for value in (self.radius, self.length, self.width)
+            )
             raise argument_error(
-                f"radius is {self.radius}, length {self.length} and width {self.width}: "
+                f"radius is {radius}, length {length} and width {width}: "
                 "give either a radius (disc) or a length and a width (rectangle), and null for the rest"
             )
         for key in ("radius", "length", "width"):

@@ -49,7 +49,8 @@ def diagnose(error: Exception, composer: Composer, job: Sequence[str]) -> InputE
     try:
         config = composer.compose(groups)
     except COMPOSING:
-        mistake = _not_a_mapping(groups, composer) if "Invalid loaded object" in str(error) else None
+        is_in_file = isinstance(error, RecursionError) or "Invalid loaded object" in str(error)
+        mistake = _in_option(groups, composer) if is_in_file else None
         return mistake or InputError(f"{' '.join(job)}: {one_line(str(error))}")
     for override in dotted:
         mistake = _find_mistake(override, config, composer)
@@ -58,14 +59,15 @@ def diagnose(error: Exception, composer: Composer, job: Sequence[str]) -> InputE
     return InputError(f"{' '.join(job)}: {one_line(str(error.__cause__ or error))}")
 
 
-def _not_a_mapping(groups: Sequence[str], composer: Composer) -> InputError | None:
-    """Return the error of a chosen option whose file holds a list or a single value; None if there is none."""
+def _in_option(groups: Sequence[str], composer: Composer) -> InputError | None:
+    """Return the error of a chosen option whose file is no mapping or inherits itself; None if there is none."""
     for override in composer.parse(groups):
         name = f"{override.key_or_group}/{override.value()}"
         if composer.catalogue.has(name):
-            file = composer.catalogue.file(name)
-            if not isinstance(yaml.safe_load(file.read_text(encoding="utf-8")) or {}, dict):
-                return InputError(f"{file}: must be a mapping of keys to values")
+            try:
+                composer.catalogue.option(name)
+            except InputError as mistake:
+                return mistake
     return None
 
 
@@ -175,6 +177,10 @@ def _in_file(error: Exception, name: str, composer: Composer) -> InputError:
     schema = None
     if name.partition("/")[0] in composer.slots:
         schema = OmegaConf.get_type(composer.compose([]))
+    try:
+        composer.catalogue.option(name)
+    except InputError as mistake:  # not a mapping, for example
+        return mistake
     message = re.sub(r"^In '[^']+': \w+ raised while composing config:\s*", "", str(error))
     mistake = translate_error(type(error)(message), schema)
     return InputError(f"{mistake} (in {composer.catalogue.file(name)})")

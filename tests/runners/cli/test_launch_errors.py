@@ -246,6 +246,8 @@ def test_broken_yaml_names_file_and_line(launch, own):
     "text",
     [
         "0.5",
+        "- 1",
+        "defaults: [mine, _self_]",  # inherits itself
         ROBOT.replace("name: jackal", 'name: "\\uD800"'),
     ],
 )

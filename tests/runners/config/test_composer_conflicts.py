@@ -53,6 +53,11 @@ def test_a_typed_set_that_no_job_of_a_large_sweep_uses(words, checked_in_part, s
     says(said(*words))
 
 
+@pytest.mark.parametrize("words", [["weights=lme_plus"], ["system=lme_plus", "weights=skid"]], ids=" ".join)
+def test_a_set_of_another_guide(words, says):
+    says(said(*words))
+
+
 def test_of_a_training_too():
     assert NOTHING in said("guide=target", "planner=dwa", "weights=skid", command="train")
 
