@@ -193,6 +193,10 @@ def add_location(error: InputError, config: DictConfig, job: Sequence[str], comp
     typed = {override.key_or_group for override in composer.parse(job)} - {group}
     if any(key == name or key.startswith(f"{name}.") for name in typed):
         return error
+    # The value may be wrong only beside another that was typed: range_max is 12: must be greater than range_min 20.
+    bounds = {f"{key.rpartition('.')[0]}.{name}" for name in re.findall(r" than (\w+)", str(error))}
+    if bounds & typed:
+        return error
     for name in chosen(config.hydra).get(systems.ABLATION, "").split(systems.SEVERAL):
         settings = systems.ablation_settings(name, composer.catalogue)
         unknown = tuple(f"parameter {name!r} is unknown" for name in settings.get(systems.ABLATION) or {})

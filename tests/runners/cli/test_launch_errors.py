@@ -225,6 +225,13 @@ def test_a_value_from_the_command_line_does_not_blame_the_file(launch, own):
     assert "mine.yaml" not in launch(*words, "robot.v_max=-3")
 
 
+def test_a_bound_from_the_command_line_does_not_blame_the_file(launch, own, says):
+    words, _ = own("range_max: 30.0", "range_max: 12.0")
+    says(launch(*words, "robot.lidar.range_min=20"))
+    words, place = own("range_max: 30.0", "range_max: 0.01")
+    assert launch(*words, "robot.lidar.num_beams=90").endswith(place)
+
+
 def test_of_several_files_the_one_with_the_open_interpolation_is_named(launch, own):
     words, place = own("v_max: 2.0", "v_max: ${x.y")
     folder = Path(words[1])
