@@ -179,8 +179,8 @@ def _in_file(error: Exception, name: str, composer: Composer) -> InputError:
         schema = OmegaConf.get_type(composer.compose([]))
     try:
         composer.catalogue.option(name)
-    except InputError as mistake:  # not a mapping, for example
-        return mistake
+    except InputError as wrong_file:  # not a mapping, for example
+        return wrong_file
     message = re.sub(r"^In '[^']+': \w+ raised while composing config:\s*", "", str(error))
     mistake = translate_error(type(error)(message), schema)
     return InputError(f"{mistake} (in {composer.catalogue.file(name)})")
