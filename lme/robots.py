@@ -30,8 +30,11 @@ class Footprint:
         disc = self.radius is not None
         sides = (self.length is not None) + (self.width is not None)
         if (disc and sides) or (not disc and sides != 2):
+            radius, length, width = (
+                "null" if value is None else value for value in (self.radius, self.length, self.width)
+            )
             raise argument_error(
-                f"radius is {self.radius}, length {self.length} and width {self.width}: "
+                f"radius is {radius}, length {length} and width {width}: "
                 "give either a radius (disc) or a length and a width (rectangle), and null for the rest"
             )
         for key in ("radius", "length", "width"):
@@ -234,7 +237,10 @@ class Lidar:
             raise argument_error(f"fov is {self.fov:g} rad: must be at most 6.28319; is it in degrees?")
         require("fov", self.fov, above=0.0, at_most=2 * math.pi + 1e-6)
         require("range_min", self.range_min, at_least=0.0)
-        require("range_max", self.range_max, above=self.range_min)
+        if not self.range_min < self.range_max < math.inf:
+            raise argument_error(
+                f"range_max is {self.range_max:g}: must be greater than range_min {self.range_min:g}, and finite"
+            )
         require("noise_std", self.noise_std, at_least=0.0)
         for key in ("x", "y", "yaw"):
             require(key, getattr(self, key))

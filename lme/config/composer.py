@@ -228,9 +228,11 @@ def _composed(
         raise InputError(f"{file}: inherits itself; its defaults must name other files")
     # Read the file's own keys, and place them under its package.
     content = read_yaml(file) or {}
-    entries = content.get("defaults", []) if isinstance(content, dict) else None
-    if not isinstance(content, dict) or not isinstance(entries, list):
-        raise InputError(f"{file}: must be a mapping, in which `defaults` is a list")
+    if not isinstance(content, dict):
+        raise InputError(f"{file}: must be a mapping of keys to values")
+    entries = content.get("defaults", [])
+    if not isinstance(entries, list):
+        raise InputError(f"{file}: defaults is {entries!r:.80}: must be a list")
     package = _package(file, group) if package is None else package
     own: dict[str, Any] = {key: value for key, value in content.items() if key != "defaults"}
     for name in reversed(list(filter(None, package.split(".")))):

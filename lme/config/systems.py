@@ -72,6 +72,8 @@ def load_system(
     }
     if weights is not None and "parameters" not in parts["guide"][0]:
         raise InputError(f"weights is {str(weights)!r}: this guide has no parameters; omit it")
+    if config["ablation"] and "parameters" not in parts["guide"][0]:
+        raise InputError(f"ablation is {ablations!r}: it sets parameters, and this guide has none; omit it")
 
     # Build the planner within its filter, then the guide.
     speeds = config.get("cap", {}) if cap is None else cap

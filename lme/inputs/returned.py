@@ -180,7 +180,8 @@ def _observation(observation: object) -> Observation:
     ranges = np.asarray(scan.ranges)
     if ranges.ndim != 1 or ranges.dtype.kind not in "fiu":
         raise ReturnedError(f"a scan with ranges {_kind(ranges)}: must be (num_beams,) numbers [m]")
-    checked_array(scan[1:], (4,), "a scan with angles and limits", "finite numbers")
+    limits = "(angle_min, angle_increment [rad], range_min, range_max [m])"
+    checked_array(scan[1:], (4,), "a scan with angles and limits", limits)
     target = checked_array(observation.target, (2,), "a target", "(x, y) in the robot's frame [m]")
     checked_array(observation.twist, (2,), "a twist", "(v [m/s], omega [rad/s])")
     checked_array(observation.odometry, (3,), "an odometry", "(x [m], y [m], yaw [rad])")

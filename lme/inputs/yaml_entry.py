@@ -27,6 +27,8 @@ class Entry:
     ) -> None:
         self.place = place
         keys = (*required, *optional)
+        if value is None:
+            raise InputError(f"{place} is empty: must be a mapping with {', '.join(keys)}")
         if not isinstance(value, dict):
             raise InputError(f"{place}: {_shorten(value)} must be a mapping with {', '.join(keys)}")
         for key in value:
@@ -36,7 +38,8 @@ class Entry:
                 )
         missing = [key for key in required if key not in value]
         if missing:
-            raise InputError(f"{place}: {missing[0]} is missing: must hold {', '.join(required)}")
+            right = f"hold {', '.join(required)}" if len(required) > 1 else "be given"
+            raise InputError(f"{place}: {missing[0]} is missing: must {right}")
         self._value = value
 
     @property

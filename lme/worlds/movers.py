@@ -136,9 +136,10 @@ def mover_of(entry_name: str, item: object) -> Mover:
     for key, names in (("repeat", REPEATS), ("motion", MOTIONS), ("sees_robot", (True, False))):
         if entry.value(key) is not None:
             arguments[key] = _one_of(entry, key, names)
+    path = _entry_poses(entry)
     try:
         with building("mover"):
-            return Mover(path=_entry_poses(entry), **arguments)
+            return Mover(path=path, **arguments)
     except InputError as error:
         raise InputError(f"{entry_name}: {error}") from error
 

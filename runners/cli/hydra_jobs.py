@@ -172,6 +172,10 @@ class _PlannedJobs(ConfigLoaderImpl, Callback):
         self._composer = composer
         self._job_settings = settings
 
+    def get_group_options(self, group_name: str, *args: Any, **kwargs: Any) -> list[str]:
+        """Return the options among which a glob chooses: those that were checked."""
+        return self._composer.get_group_options(group_name)
+
     def load_sweep_config(self, master_config: DictConfig, sweep_overrides: list[str]) -> DictConfig:
         """Return the config of one job. In a very large sweep, some jobs have not been composed yet."""
         config = self._configs.get(self._composer.canonical(sweep_overrides))

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hydra.core.override_parser.types import Override, RangeSweep, ValueType
+from hydra.core.override_parser.types import IntervalSweep, Override, RangeSweep, ValueType
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
@@ -80,12 +80,14 @@ def plan(composer: Composer, overrides: Sequence[str], multirun: bool, typed: Se
         # Sweeps of an experiment file come first, since those of the command line take precedence.
         params = OmegaConf.select(first, "hydra.sweeper.params") or {}
         swept = composer.parse([f"{key}={value}" for key, value in params.items()]) + parsed
+        _refuse_intervals(swept, first)
         configs = {
             words_of_job: first if words_of_job == job else _composed(composer, words_of_job)
             for words_of_job in _checked_jobs(swept)
         }
         planned = Plan(words, True, math.prod(map(len, _choices(swept))), configs)
     else:
+        _refuse_intervals(parsed, first)
         _refuse_sweep(parsed, composer)
         planned = Plan(words, False, 1, {job: first})
     refuse_conflicts(composer.parse(typed), planned.configs.values())
@@ -149,6 +151,20 @@ def _refuse_swept_hydra(parsed: Sequence[Override]) -> None:
             better = f"-m {swept}={value} to sweep it" if swept != key else "one value"
             raise InputError(
                 f"{text_of(override)}: several values for a key of Hydra's own; must be {better}"
+            )
+
+
+def _refuse_intervals(parsed: Sequence[Override], config: DictConfig) -> None:
+    """Raise InputError for an interval, unless a sweeper plugin chooses values from it."""
+    if not config.hydra.sweeper._target_.endswith(".BasicSweeper"):
+        return
+    for override in parsed:
+        interval = override.value()
+        if isinstance(interval, IntervalSweep):
+            text = text_of(override).lstrip("+")
+            raise InputError(
+                f"{text}: an interval does not say which values to run; list them, "
+                f"e.g. {text.partition('=')[0]}={interval.start:g},{interval.end:g}"
             )
 
 

@@ -10,14 +10,14 @@ import copy
 import os.path
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import yaml
 from hydra import initialize_config_dir
 from hydra.core.config_loader import ConfigLoader
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override, Sweep
+from hydra.core.override_parser.types import Glob, Override, Sweep
 from hydra.errors import HydraException, OverrideParseException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
@@ -72,8 +72,12 @@ class Composer(initialize_config_dir):
 
     def parse(self, overrides: Sequence[str]) -> list[Override]:
         """Parse overrides. Raises InputError for one that is not `key=value`."""
-        parser = OverridesParser.create(config_loader=self.loader)
+        parser = OverridesParser.create(config_loader=cast(ConfigLoader, self))
         return [_parse(parser, override) for override in overrides]
+
+    def get_group_options(self, group_name: str, **_: object) -> list[str]:
+        """Return the options among which a glob chooses, as Hydra's parser asks for them: without files named _…."""
+        return list(self.catalogue.choices(group_name, self.config_name))
 
     def canonical(self, overrides: Sequence[str]) -> frozenset[tuple[str, str]]:
         """Return the overrides of a job, independent of order and spelling, without those of Hydra's own part."""
@@ -248,6 +252,10 @@ def _check_options(override: Override, composer: Composer) -> None:
     if group not in composer.slots or override.is_delete():
         return
     known = composer.catalogue.choices(group, composer.config_name)
+    if isinstance(override.value(), Glob) and not any(_values(override)):
+        raise InputError(
+            f"{text_of(override)}: matches no option; {places(group, composer.catalogue)}: {', '.join(known)}"
+        )
     for option in _values(override):
         if isinstance(option, dict):
             continue
@@ -308,6 +316,9 @@ def refuse_conflicts(overrides: Sequence[Override], configs: Collection[DictConf
         _check_fresh(key, configs)
     if "weights" in texts:
         _check_weights(texts["weights"], configs)
+    for key, text in texts.items():
+        if key.partition(".")[0] in (systems.ABLATION, "experiment"):
+            _check_ablation(text, configs)
 
 
 def _check_fresh(key: str, configs: Collection[DictConfig]) -> None:
@@ -350,6 +361,18 @@ def _check_weights(text: str, configs: Collection[DictConfig]) -> None:
     for name in dict.fromkeys(str(config["weights"]) for config in plain):
         if "${" not in name:
             find_weights(name)
+
+
+def _check_ablation(text: str, configs: Collection[DictConfig]) -> None:
+    """Raise InputError for an ablation of parameters if no guide here has any; in a sweep some may have none."""
+    plain: list[Any] = [OmegaConf.to_container(without_hydra(config), resolve=False) for config in configs]
+    if any(config["ablation"] for config in plain) and not any(
+        "learner" in config or takes_weights(config) for config in plain
+    ):
+        raise InputError(
+            f"{text}: this ablation sets parameters of a guide, and no guide here has any; omit it, or choose a guide "
+            "such as guide=lme"
+        )
 
 
 def _drives_with_weights(config: Mapping[str, Any]) -> bool:

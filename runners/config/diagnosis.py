@@ -49,7 +49,8 @@ def diagnose(error: Exception, composer: Composer, job: Sequence[str]) -> InputE
     try:
         config = composer.compose(groups)
     except COMPOSING:
-        mistake = _not_a_mapping(groups, composer) if "Invalid loaded object" in str(error) else None
+        is_in_file = isinstance(error, RecursionError) or "Invalid loaded object" in str(error)
+        mistake = _in_option(groups, composer) if is_in_file else None
         return mistake or InputError(f"{' '.join(job)}: {one_line(str(error))}")
     for override in dotted:
         mistake = _find_mistake(override, config, composer)
@@ -58,14 +59,15 @@ def diagnose(error: Exception, composer: Composer, job: Sequence[str]) -> InputE
     return InputError(f"{' '.join(job)}: {one_line(str(error.__cause__ or error))}")
 
 
-def _not_a_mapping(groups: Sequence[str], composer: Composer) -> InputError | None:
-    """Return the error of a chosen option whose file holds a list or a single value; None if there is none."""
+def _in_option(groups: Sequence[str], composer: Composer) -> InputError | None:
+    """Return the error of a chosen option whose file is no mapping or inherits itself; None if there is none."""
     for override in composer.parse(groups):
         name = f"{override.key_or_group}/{override.value()}"
         if composer.catalogue.has(name):
-            file = composer.catalogue.file(name)
-            if not isinstance(yaml.safe_load(file.read_text(encoding="utf-8")) or {}, dict):
-                return InputError(f"{file}: must be a mapping of keys to values")
+            try:
+                composer.catalogue.option(name)
+            except InputError as mistake:
+                return mistake
     return None
 
 
@@ -175,6 +177,10 @@ def _in_file(error: Exception, name: str, composer: Composer) -> InputError:
     schema = None
     if name.partition("/")[0] in composer.slots:
         schema = OmegaConf.get_type(composer.compose([]))
+    try:
+        composer.catalogue.option(name)
+    except InputError as wrong_file:  # not a mapping, for example
+        return wrong_file
     message = re.sub(r"^In '[^']+': \w+ raised while composing config:\s*", "", str(error))
     mistake = translate_error(type(error)(message), schema)
     return InputError(f"{mistake} (in {composer.catalogue.file(name)})")
@@ -186,6 +192,10 @@ def add_location(error: InputError, config: DictConfig, job: Sequence[str], comp
     group = key.partition(".")[0]
     typed = {override.key_or_group for override in composer.parse(job)} - {group}
     if any(key == name or key.startswith(f"{name}.") for name in typed):
+        return error
+    # The value may be wrong only beside another that was typed: range_max is 12: must be greater than range_min 20.
+    bounds = {f"{key.rpartition('.')[0]}.{name}" for name in re.findall(r" than (\w+)", str(error))}
+    if bounds & typed:
         return error
     for name in chosen(config.hydra).get(systems.ABLATION, "").split(systems.SEVERAL):
         settings = systems.ablation_settings(name, composer.catalogue)

@@ -12,6 +12,7 @@ import numpy as np
 
 from lme.live.messages import SECOND
 from lme.types import Floats
+from runners.config.escaping import counted
 from runners.recordings.driver import Log
 from runners.records.atomic_write import replacing, write_atomically
 
@@ -91,15 +92,14 @@ def figures(frame: pd.DataFrame, log: Log, period_s: float, wall_s: float) -> di
     }
 
 
-def lines(results: Mapping[str, float]) -> list[str]:
-    """Return the figures as a few lines of text."""
-    decisions = "decision" if results["ticks"] == 1 else "decisions"
-    ticks = f"{results['ticks']:.0f} {decisions} over {results['duration_s']:.1f} s"
-    skipped = results["skipped_no_pose"] + results["skipped_no_goal"]
-    left_out = f", {skipped:.0f} ticks left out" if skipped else ""
+def lines(results: Mapping[str, float], ahead: float) -> list[str]:
+    """Return the figures as a few lines of text. ahead: as for `replay_table` [m]."""
+    decisions = f"{counted(int(results['ticks']), 'decision')} over {results['duration_s']:.1f} s"
+    skipped = int(results["skipped_no_pose"] + results["skipped_no_goal"])
+    left_out = f", {counted(skipped, 'tick')} left out" if skipped else ""
     return [
-        f"{ticks}{left_out}, {results['times_real_time']:.0f} × real time",
-        _heading(results),
+        f"{decisions}{left_out}, {results['times_real_time']:.0f} × real time",
+        _heading(results, ahead),
         f"speed    {results['speed_error_mean_mps']:+.2f} m/s against the robot's, "
         f"{results['speed_error_abs_mean_mps']:.2f} m/s apart on average",
         f"clearance of the command {results['command_clearance_p05_m']:.2f} m (5th percentile), of the robot's motion "
@@ -108,14 +108,14 @@ def lines(results: Mapping[str, float]) -> list[str]:
         f"decision {results['decision_ms_p50']:.2f} ms (p50), {results['decision_ms_p99']:.2f} ms (p99); "
         f"{results['missed_deadlines']:.0f} of {results['ticks']:.0f} missed the period",
         f"scans    {results['beams_without_return']:.0f} of {results['beams']:.0f} beams without return, "
-        f"{results['scans_without_point']:.0f} scans without a point",
+        f"{counted(int(results['scans_without_point']), 'scan')} without a point",
     ]
 
 
-def _heading(results: Mapping[str, float]) -> str:
+def _heading(results: Mapping[str, float], ahead: float) -> str:
     """Return the line about headings and turns, as far as the robot drove and turned."""
     if math.isnan(results["heading_error_median_deg"]):
-        return "heading  not compared: the robot hardly drove"
+        return f"heading  not compared: the robot never got {ahead:g} m (ahead) away from where a decision was made"
     turns = results["turn_same_way"]
     same_way = "" if math.isnan(turns) else f", turning the same way in {_percent(turns)}"
     return (

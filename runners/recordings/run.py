@@ -141,7 +141,7 @@ def _replay(
     results = report.figures(frame, log, scan_source.robot.dt, wall_s)
     artifacts += report.write(frame, results, run_dir)
     artifacts += figures.write(frame, log, scan_source, recording, run_dir)
-    _print_results(recording, scan_source, episode, results, run_dir)
+    _print_results(recording, scan_source, episode, results, config.ahead, run_dir)
     return results, artifacts
 
 
@@ -207,6 +207,7 @@ def _print_results(
     scan_source: ScanSource,
     episode: own_recordings.RecordedEpisode | None,
     results: Mapping[str, float],
+    ahead: float,
     run_dir: Path,
 ) -> None:
     """Print what was read, and the results."""
@@ -221,5 +222,5 @@ def _print_results(
             f"episode  {episode}, as it was driven; "
             f"{100 * results['same_command']:.0f} % of the commands are the recorded ones to the last bit"
         )
-    print("\n".join(report.lines(results)))
+    print("\n".join(report.lines(results, ahead)))
     print(f"Table, figures and pictures: {run_dir}")

@@ -16,7 +16,7 @@ import pandas as pd
 from lme.live.messages import Tilt
 from lme.types import Pose
 from runners.cli.main import main
-from runners.recordings import figures
+from runners.recordings import figures, report
 from tests.made_bags import BEGAN, OTHERS, SECOND, drive, way
 
 BAGS = SHARED / "bags"
@@ -85,6 +85,15 @@ def test_a_replay_writes_its_records_and_figures(replay, plain, capsys):
     assert f"scans    {found['beams_without_return']} of {30 * 360} beams without return, 0 scans" in shown
 
 
+def test_one_of_anything_is_counted_in_the_singular(replay, plain):
+    replay(plain)
+    found = json.loads((replay.folder / "agreement.json").read_text())
+    once = {"ticks": 1, "skipped_no_pose": 1, "scans_without_point": 1}
+    first, *_, last = report.lines({**found, **once}, ahead=1.0)
+    assert first.startswith("1 decision over 5.8 s, 1 tick left out, ")
+    assert last.endswith(", 1 scan without a point")
+
+
 def test_the_table_says_what_the_robot_did(replay, plain):
     table = replay(plain)
     poses = np.array([pose for pose, _, _ in way(60)])[::2]
@@ -92,6 +101,11 @@ def test_the_table_says_what_the_robot_did(replay, plain):
     np.testing.assert_allclose(table["v_mps"], 0.25)
     np.testing.assert_array_equal(table["recorded_command_omega_radps"], table["omega_radps"])
     np.testing.assert_allclose(table["time_s"], np.arange(30) * 0.2, atol=1e-6)
+
+
+def test_headings_are_not_compared_with_places_that_the_robot_never_reached(replay, plain, capsys):
+    replay(plain, "ahead=100")
+    assert "not compared: the robot never got 100 m (ahead) away" in capsys.readouterr().out
 
 
 def test_the_goal_is_where_the_recording_ends(replay, plain):

@@ -36,7 +36,7 @@ class Parameters:
         for name, value in values.items():
             if name not in names:
                 raise InputError(
-                    f"parameter {name!r} is unknown: {nearest(name, names)}The parameters are {', '.join(names)}"
+                    f"parameter {name!r} is unknown: {nearest(name, names)}must be one of {', '.join(names)}"
                 )
             if math.isnan(value) or value < 0 or (math.isinf(value) and name not in THRESHOLDS):
                 finite = "" if name in THRESHOLDS else " and finite"

@@ -27,6 +27,11 @@ def learned_parameters(
     its criteria. criteria: names of further ones. Raises InputError naming the file where it is missing or malformed.
     """
     names = [name for name in set_names(weight_set) if name not in THRESHOLDS]
+    needed = [*names, *criteria, *THRESHOLDS]
+    if weights != PUBLISHED and weights in shipped_weights() and not {*set_names(weights)} <= {*needed}:
+        raise InputError(
+            f"weights is {weights!r}: this set is for another guide; must hold the parameters {', '.join(needed)}"
+        )
     return read_parameters(find_weights(weight_set if weights == PUBLISHED else weights), [*names, *criteria])
 
 

@@ -15,7 +15,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from lme.errors import InputError, nearest
 from runners.cli.help import add_trust, texts
-from runners.config.escaping import csv_value, json_text
+from runners.config.escaping import counted, csv_value, json_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,7 +60,7 @@ def main(argv: list[str]) -> int:
     else:
         count = _to_file(rows, arguments.output, style)
         stream = sys.stderr if is_standard_output(arguments.output) else sys.stdout
-        print(f"{count} rows: {arguments.output}", file=stream)
+        print(f"{counted(count, 'row')}: {arguments.output}", file=stream)
     return 0
 
 

@@ -122,6 +122,7 @@ def test_a_class_of_the_users_own_has_its_own_keys():
         ("lme", {"guide.history_length": "eight"}),
         ("dwa", {"weights": "published"}),
         ("lme", {"ablation": "no_c_x"}),
+        ("dwa_tuned", {"ablation": "no_c_h"}),
         ("lme", {"goal_tolerance": -1.0}),
         ("lme", {"cap": {"v_max": 0.0}}),
         ("lme", {"cap": {"v": 1.0}}),

@@ -225,6 +225,7 @@ def test_a_door_is_a_mover_with_angles_in_degrees(tmp_path):
         ("turn_rate_deg: 45", "turn_rate_deg: fast"),
         ("[2, 2, 90]", "[2]"),
         ("path: [[2, 2, 0], [2, 2, 90]]", "path: 3"),
+        ("path: [[2, 2, 0], [2, 2, 90]]", "path: []"),
         ("outline:", "radius: 0.2, outline:"),
         ("start_after: 2", "start_after: -2"),
         ("back_and_forth", "once, motion: fly"),

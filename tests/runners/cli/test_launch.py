@@ -211,6 +211,23 @@ def test_an_own_config_folder_adds_options_and_experiments(probe, tmp_path, word
     assert (config.robot.name, config.runs, config.seed) == ("mine", 1, 8)
 
 
+@pytest.mark.parametrize("in_file", [False, True])
+def test_a_glob_runs_options_of_the_user_too_but_no_file_that_others_inherit(probe, in_file):
+    (Path("own") / "robot").mkdir(parents=True)
+    for name in ("_tiny", "tiny"):
+        Path("own", "robot", f"{name}.yaml").write_text(
+            "# Tiny\ndefaults:\n  - jackal\n  - _self_\n\nname: tiny\n"
+        )
+    words = ["robot=glob([*t*,_*])"]
+    if in_file:
+        (Path("own") / "experiment").mkdir()
+        params = "hydra:\n  mode: MULTIRUN\n  sweeper:\n    params:\n      robot: glob([*t*,_*])\n"
+        Path("own", "experiment", "globs.yaml").write_text(f"# @package _global_\n# Globs\n{params}")
+        words = ["experiment=globs"]
+    assert probe.launch("--config-dir", "own", "-m", *words) == 0
+    assert [config.robot.name for config, _ in probe.runs] == ["stage", "tiny", "turtlebot2"]
+
+
 SEEDS = "# @package _global_\nhydra:\n  mode: MULTIRUN\n  sweeper:\n    params:\n      seed: 5,6\n"
 
 

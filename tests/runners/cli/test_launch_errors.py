@@ -166,6 +166,17 @@ def test_several_options_in_a_sweep(launch, says):
     says(launch("-m", "map=barn,[env1,env2]"))
 
 
+@pytest.mark.parametrize(
+    "words", [["-m", "sim.latency=interval(0,0.1)"], ["seed=interval(1,2)"]], ids=" ".join
+)
+def test_an_interval_has_no_values_to_sweep(launch, words, says):
+    says(launch(*words))
+
+
+def test_a_glob_that_matches_no_option(launch, says):
+    says(launch("-m", "robot=glob(_*)"))
+
+
 def test_a_mistake_in_one_job_of_a_sweep(launch, says):
     says(launch("-m", "robot=jackal,nope"))
     says(launch("-m", "seed=0,x", "robot=jackal,go2"))
@@ -214,6 +225,13 @@ def test_a_value_from_the_command_line_does_not_blame_the_file(launch, own):
     assert "mine.yaml" not in launch(*words, "robot.v_max=-3")
 
 
+def test_a_bound_from_the_command_line_does_not_blame_the_file(launch, own, says):
+    words, _ = own("range_max: 30.0", "range_max: 12.0")
+    says(launch(*words, "robot.lidar.range_min=20"))
+    words, place = own("range_max: 30.0", "range_max: 0.01")
+    assert launch(*words, "robot.lidar.num_beams=90").endswith(place)
+
+
 def test_of_several_files_the_one_with_the_open_interpolation_is_named(launch, own):
     words, place = own("v_max: 2.0", "v_max: ${x.y")
     folder = Path(words[1])
@@ -235,6 +253,8 @@ def test_broken_yaml_names_file_and_line(launch, own):
     "text",
     [
         "0.5",
+        "- 1",
+        "defaults: [mine, _self_]",  # inherits itself
         ROBOT.replace("name: jackal", 'name: "\\uD800"'),
     ],
 )

@@ -1,4 +1,4 @@
-"""A weight set that is typed must be used by some job, and must exist."""
+"""A weight set and an ablation of parameters that are typed must be used by some job, and the set must exist."""
 
 import pytest
 
@@ -55,6 +55,11 @@ def test_a_typed_set_that_no_job_of_a_large_sweep_uses(words, checked_in_part, s
     says(said(*words))
 
 
+@pytest.mark.parametrize("words", [["weights=lme_plus"], ["system=lme_plus", "weights=skid"]], ids=" ".join)
+def test_a_set_of_another_guide(words, says):
+    says(said(*words))
+
+
 def test_of_a_training_too():
     assert NOTHING in said("guide=target", "planner=dwa", "weights=skid", command="train")
 
@@ -96,3 +101,39 @@ def test_files_and_resumed_runs_may_name_one_that_is_not_used(tmp_path):
     assert job.config.weights == "skid"
     with Composer("eval") as composer:
         assert compose_job(composer, ["system=dwa", "weights=skid"]).config.weights == "skid"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["system=dwa_tuned", "ablation=no_c_h"],
+        ["system=dwa_tuned", "ablation=[no_c_h,no_c_t]"],
+        ["system=dwa_tuned", "+ablation.c_t=100"],
+        ["guide.parameters={d1: 1.0}", "ablation=no_c_h"],
+        ["-m", "system=dwa_tuned,eband", "ablation=none,no_c_h"],
+        ["experiment=ablation", "system=dwa_tuned"],
+    ],
+    ids=" ".join,
+)
+def test_an_ablation_of_parameters_that_no_guide_has(words, says):
+    says(said(*words))
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ("eval", ["ablation=no_c_h"]),
+        ("eval", ["+ablation.c_t=100"]),
+        ("eval", ["system=dwa_tuned", "ablation=none"]),
+        ("eval", ["system=dwa_tuned", "planner=min_time", "ablation=no_grip"]),  # no parameter of a guide
+        ("eval", ["-m", "system=dwa_tuned,lme", "ablation=none,no_c_h"]),
+        ("train", ["ablation=no_c_h"]),
+        ("learn", ["ablation=no_c_h", "guides={target: 0.6, lme: 0.4}"]),
+    ],
+)
+def test_an_ablation_that_some_job_uses(command, words):
+    assert compose(command, words)
+
+
+def test_an_ablation_that_some_job_of_a_large_sweep_uses(checked_in_part):
+    assert compose("eval", ["-m", "system=dwa_tuned,lme", "ablation=no_c_h,none", "seed=range(3)"])

@@ -55,6 +55,12 @@ def test_records_come_back_to_the_last_bit(run, capsys):
     pd.testing.assert_frame_equal(here, there, check_exact=True, check_dtype=False)
 
 
+def test_one_row_is_counted_in_the_singular(tmp_path, capsys):
+    write_run(tmp_path / "one", worlds=(200,))
+    assert export.main([str(tmp_path / "one"), "-o", str(tmp_path / "one.csv")]) == 0
+    assert capsys.readouterr().out == f"1 row: {tmp_path / 'one.csv'}\n"
+
+
 def test_steps_come_back_to_the_last_bit(run, capsys):
     export.main([str(run), "--steps"])
     here, there = read(capsys.readouterr().out), pd.read_parquet(run / "trajectories.parquet")
