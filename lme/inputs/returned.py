@@ -13,6 +13,7 @@ from typing import Any, cast
 import numpy as np
 
 from lme.errors import InputError
+from lme.inputs.user_code import dotted_name
 from lme.types import Floats, Guidance, LaserScan, Limits, Observation, Pose, Twist
 
 _NO_NUMBER = (str, bytes, bool, np.bool_)
@@ -23,12 +24,6 @@ _REAL = "fiub"  # kinds of NumPy's dtypes that hold real numbers
 
 class ReturnedError(InputError):
     """A guide, planner, filter, criterion, simulator or source of people returned something that cannot be used."""
-
-
-def dotted_name(thing: Any) -> str:
-    """The dotted path of a function, or of the class of an object."""
-    definition = thing if hasattr(thing, "__qualname__") else type(thing)
-    return f"{definition.__module__}.{definition.__qualname__}"
 
 
 def checked_command(command: object, planner: object) -> Twist:

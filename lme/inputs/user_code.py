@@ -18,7 +18,6 @@ from types import ModuleType
 from typing import Any
 
 from lme.errors import InputError
-from lme.inputs.returned import dotted_name
 
 TRACEBACK = "LME_TRACEBACK"  # the environment variable that asks for tracebacks
 _PACKAGES = Path(__file__).resolve().parents[2]
@@ -75,6 +74,12 @@ def import_module(name: str) -> ModuleType:
         if not line and not isinstance(error, ImportError | SyntaxError):
             raise
         raise InputError(line or str(error)) from error
+
+
+def dotted_name(thing: Any) -> str:
+    """The dotted path of a function, or of the class of an object."""
+    definition = thing if hasattr(thing, "__qualname__") else type(thing)
+    return f"{definition.__module__}.{definition.__qualname__}"
 
 
 def check_call(key: str, function: Callable[..., Any], *arguments: str) -> None:

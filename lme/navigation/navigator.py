@@ -12,13 +12,8 @@ import numpy as np
 from lme.errors import InputError, require
 from lme.guides.lme.explanation import Decision, Explanation
 from lme.inputs import plausibility
-from lme.inputs.returned import (
-    ReturnedError,
-    checked_command,
-    checked_guidance,
-    checked_people,
-    dotted_name,
-)
+from lme.inputs.returned import ReturnedError, checked_command, checked_guidance, checked_people
+from lme.inputs.user_code import dotted_name
 from lme.navigation.observation_check import ObservationCheck
 from lme.perception.dead_reckoning import DeadReckoning, Move
 from lme.perception.people.source import PeopleSource
