@@ -17,6 +17,7 @@ from lme.worlds.lattice import clearance_field, inside, shortest_path, shortest_
 from lme.worlds.world import FloorPlan
 
 MAX_POINTS = 32_000_000  # of the lattice, which takes about 30 bytes for each
+_LONG = 1000.0  # [m] no map is longer
 STARTS_TRIED = 100  # before the plan counts as too small for the least distance
 
 Points = NDArray[np.int32]  # indices in the flat lattice
@@ -177,9 +178,10 @@ def _points_along(low: list[float], high: list[float], step: float) -> tuple[int
     width, height = high[0] - low[0], high[1] - low[1]
     points = (width / step) * (height / step)
     if not points <= MAX_POINTS:
+        hint = "; are the map's lengths in millimetres or centimetres?" if max(width, height) > _LONG else ""
         raise argument_error(
             f"grid is {step:g} m for a map of {width:g} by {height:g} m: must give at most {MAX_POINTS} "
-            f"points, so at least {step * math.sqrt(points / MAX_POINTS):.2g} m"
+            f"points, so at least {step * math.sqrt(points / MAX_POINTS):.2g} m{hint}"
         )
     return math.ceil(width / step - 1e-9), math.ceil(height / step - 1e-9)
 

@@ -90,7 +90,7 @@ def plan(composer: Composer, overrides: Sequence[str], multirun: bool, typed: Se
         _refuse_intervals(parsed, first)
         _refuse_sweep(parsed, composer)
         planned = Plan(words, False, 1, {job: first})
-    refuse_conflicts(composer.parse(typed), planned.configs.values())
+    refuse_conflicts(composer.parse(typed), planned.configs.values(), composer.catalogue)
     return planned
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import os.path
+import threading
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self, cast
@@ -30,6 +31,7 @@ from lme.inputs.resources import resource_dir
 from lme.worlds.barn.map_set import FRESH_KEYS, OFFICIAL, TARGET, check_given, is_idle
 from runners.config import catalogue, schema, systems
 from runners.config.catalogue import Catalogue
+from runners.config.job import chosen as chosen_options
 from runners.config.job import own_weights, takes_weights
 from runners.config.quoting import quoted
 
@@ -45,10 +47,14 @@ OPEN_MAPPINGS = (  # may be given new keys
     "guides", "learner.expert.settings",
 )  # fmt: skip
 _TYPED_MAPPINGS = ("training_robots",)  # of these, the items have known keys: only their names are new
+_HYDRA = threading.RLock()  # held by a composer, since Hydra has one global state for all threads
 
 
 class Composer(initialize_config_dir):
-    """Composer of configs within a `with` block. Hydra's global state is restored at its end."""
+    """Composer of configs within a `with` block. Hydra's global state is restored at its end.
+
+    Other threads wait for it. A program that uses Hydra itself may use it too.
+    """
 
     def __init__(self, config_name: str, config_dir: Path | None = None) -> None:
         """Set the config folders. config_dir: the user's own options. Raises InputError without a config."""
@@ -60,7 +66,22 @@ class Composer(initialize_config_dir):
             places = ", ".join(str(folder) for folder in self.catalogue.folders)
             raise InputError(f"config {config_name}: no {config_name}.yaml with defaults in {places}")
         schema.register()
-        super().__init__(str(resource_dir("conf")), config_name, version_base="1.3")
+        _HYDRA.acquire()
+        self._former_hydra = GlobalHydra.instance().hydra
+        GlobalHydra.instance().clear()
+        try:
+            super().__init__(str(resource_dir("conf")), config_name, version_base="1.3")
+        except BaseException:
+            self._give_back()
+            raise
+
+    def __exit__(self, *exception: Any) -> None:
+        super().__exit__(*exception)
+        self._give_back()
+
+    def _give_back(self) -> None:
+        GlobalHydra.instance().hydra = self._former_hydra
+        _HYDRA.release()
 
     def __enter__(self) -> Self:  # type: ignore[override]  # Hydra's own gives nothing
         return self
@@ -298,11 +319,13 @@ def _how_to_add(group: str, name: str, known: Iterable[str]) -> str:
     return f"; {group}={option}, an option of your own, needs --config-dir DIR, with the file DIR/{group}/{option}.yaml"
 
 
-def refuse_conflicts(overrides: Sequence[Override], configs: Collection[DictConfig]) -> None:
+def refuse_conflicts(
+    overrides: Sequence[Override], configs: Collection[DictConfig], catalogue: Catalogue
+) -> None:
     """Raise InputError for a key with two values, worlds outside their given subset, and values that no job uses.
 
     overrides: as they were typed; they may replace the values of a file or of a resumed run. configs: those of
-    the jobs that they give.
+    the jobs that they give. catalogue: of the options.
     """
     texts: dict[str, str] = {}
     for override in overrides:
@@ -319,6 +342,9 @@ def refuse_conflicts(overrides: Sequence[Override], configs: Collection[DictConf
     for key, text in texts.items():
         if key.partition(".")[0] in (systems.ABLATION, "experiment"):
             _check_ablation(text, configs)
+    if "system" in texts:
+        for config in configs:
+            _check_system(chosen_options(config.hydra), set(texts), catalogue)
 
 
 def _check_fresh(key: str, configs: Collection[DictConfig]) -> None:
@@ -373,6 +399,20 @@ def _check_ablation(text: str, configs: Collection[DictConfig]) -> None:
             f"{text}: this ablation sets parameters of a guide, and no guide here has any; omit it, or choose a guide "
             "such as guide=lme"
         )
+
+
+def _check_system(choices: Mapping[str, str], typed: Collection[str], catalogue: Catalogue) -> None:
+    """Raise InputError if an experiment replaces the guide or the planner of the system that was typed."""
+    name = choices.get("system", "")
+    if not catalogue.has(f"system/{name}"):
+        return
+    pair = catalogue.option(f"system/{name}").choices
+    for group in systems.PAIR:
+        if group not in typed and choices.get(group) != pair.get(group):
+            raise InputError(
+                f"system={name}: experiment={choices.get('experiment')} chooses {group}={choices.get(group)} instead; "
+                "give guide= and planner=, or let the experiment choose by `override /system`"
+            )
 
 
 def _drives_with_weights(config: Mapping[str, Any]) -> bool:

@@ -8,9 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from lme.errors import InputError
+from lme.errors import InputError, nearest
 from lme.robots import Robot
 from runners.config import build
+from runners.config.changes import TRAINING
 from runners.config.schema import DriveConfig, TrainConfig
 
 Families = dict[str, TrainConfig]  # by name: the config with the family's map and robot
@@ -22,6 +23,13 @@ def families(config: TrainConfig, choices: Mapping[str, str]) -> Families:
 
     A family is driven by its own robot if that is larger than the one trained for. Raises InputError if none is left.
     """
+    # Without a map set, a family in which nothing was chosen is a mistyped one.
+    known = [name for name in config.training if f"map@{TRAINING}{name}" in choices]
+    unknown = [name for name, node in config.training.items() if node is None and name not in known]
+    if unknown:
+        raise InputError(
+            f"training.{unknown[0]}: no such family; {nearest(unknown[0], known)}must be one of {', '.join(known)}"
+        )
     if config.map:
         return {choices["map"]: config}
     for key in ("training_robots", "training_radius"):

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from runners.config import build, instantiate
 from runners.config.changes import HELD_OUT, TRAINING, TRAINING_ROBOTS
+from runners.config.escaping import counted
 from runners.config.job import Job
 from runners.config.schema import DriveConfig, EvalConfig, HeldOutConfig, TrainConfig
 from runners.config.space import with_values
@@ -146,7 +147,7 @@ def _changes(job: Job[HeldOutConfig], map_name: str, own_robot: bool) -> dict[st
 def _evaluate_on(map_name: str, job: Job[EvalConfig], values: Mapping[str, Any], subject: str) -> None:
     config, maps = job.config, build.map_set(job.config)
     worlds = f"{len(maps.numbers)} worlds of {map_name} that training never saw"
-    print(f"Now {subject}: {worlds}, {config.runs} runs each")
+    print(f"Now {subject}: {worlds}, {counted(config.runs, 'run')} each")
     job.run_dir.mkdir(parents=True, exist_ok=True)
     launch = launch_of("eval", [job], [], False, None)
     launch.write(job.run_dir)

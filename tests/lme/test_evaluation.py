@@ -4,9 +4,12 @@ import json
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import pandas as pd
 import pytest
+from hydra import initialize_config_dir
+from hydra.core.global_hydra import GlobalHydra
 
 import lme
 import lme.evaluation
@@ -76,6 +79,19 @@ def test_a_run_is_resumed(folder, says):
     pd.testing.assert_frame_equal(first, again)  # the measured times too: nothing was driven
     with says.raises(lme.InputError):
         driven(WORLDS, into="kept", resume=True, seed=1)
+
+
+def test_two_threads_evaluate_at_once(folder):
+    with ThreadPoolExecutor(2) as threads:
+        one, other = threads.map(lambda _: driven(WORLDS), range(2))
+    assert one["steps"].tolist() == other["steps"].tolist()
+
+
+def test_a_program_that_uses_hydra_itself_may_evaluate(folder):
+    with initialize_config_dir(str(ROOT / "conf"), "mine", version_base="1.3"):
+        former = GlobalHydra.instance().hydra
+        assert len(driven(WORLDS)) == 2
+        assert GlobalHydra.instance().hydra is former
 
 
 def test_values_of_python(folder):

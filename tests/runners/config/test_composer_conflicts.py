@@ -42,6 +42,16 @@ def test_a_typed_set_that_no_job_uses(words, says):
     says(said(*words))
 
 
+def test_a_typed_system_that_an_experiment_replaces(says):
+    says(said("experiment=train/tune", "system=lme_plus", command="train"))
+
+
+@pytest.mark.parametrize("words", [["guide=lme_plus", "planner=min_time"], ["guide=lme_plus"]], ids=" ".join)
+def test_a_typed_pair_beats_an_experiment(words):
+    (job,) = compose("train", ["experiment=train/tune", "system=lme_plus", *words])
+    assert (job.choices["guide"], job.choices["planner"]) == ("lme_plus", "min_time")
+
+
 @pytest.mark.parametrize(
     "words",
     [

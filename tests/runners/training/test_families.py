@@ -69,6 +69,12 @@ def test_a_robot_of_no_family_is_refused(job, says):
         found(job, "+robot@training_robots.mine=turtlebot2")
 
 
+@pytest.mark.parametrize("words", [["training.indor=null"], ["map=env2", "training.indor=null"]], ids=str)
+def test_a_family_that_does_not_exist_cannot_be_left_out(job, words, says):
+    with says.raises(InputError):
+        found(job, *words)
+
+
 def test_without_a_family_there_is_nothing_to_train_on(job, says):
     with says.raises(InputError):
         found(job, "training.env1=null", "training.indoor=null", "+robot=go2")
