@@ -114,7 +114,14 @@ def message_frames(config: FramesConfig, message: Any | None, tree: TransformTre
         odom, child = _in_order(odom, child)
     candidates = [name for name in (child, *_BASES) if name]
     base = next((name for name in candidates if name in tree.names), child or _BASES[1])
-    return Frames(frame(config.odom or odom or _ODOMS[0]), frame(config.base or base))
+    chosen = frame(config.odom or odom or _ODOMS[0])
+    if odom not in ("", chosen) and not _is_base(odom) and tree.lookup(chosen, odom) is not None:
+        warnings.warn(
+            f"odometry gives poses in {odom} (header.frame_id), and frames.odom is {chosen}: they are read as poses in "
+            f"{chosen}, without the transform between the two; omit frames.odom for those in {odom}",
+            stacklevel=2,
+        )
+    return Frames(chosen, frame(config.base or base))
 
 
 def _in_order(odom: str, base: str) -> tuple[str, str]:

@@ -1,6 +1,7 @@
 """Which transforms join two frames, and what is read from a message."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 pytest.importorskip("rosbags")
 
 from lme.live import messages
-from lme.live.frames import TransformTree
+from lme.live.frames import FramesConfig, TransformTree, message_frames
 from lme.types import Pose
 from tests.made_bags import BagMaker
 
@@ -31,6 +32,25 @@ def test_transforms_are_chained_up_and_down():
     np.testing.assert_allclose(there, np.eye(4), atol=1e-12)
     assert made.lookup("map", "elsewhere") is None
     assert made.chain("odom", "laser") == {"laser", "base"}
+
+
+def odometry(odom):
+    return SimpleNamespace(header=SimpleNamespace(frame_id=odom), child_frame_id="base_link")
+
+
+def test_poses_of_another_frame_than_the_chosen_one_are_said(says):
+    joined = tree(("map", "odom", (5, 5, 0)), ("odom", "base_link", (1, 0, 0)))
+    with says.warns(match="frames.odom is map"):
+        assert message_frames(FramesConfig(odom="map"), odometry("odom"), joined) == ("map", "base_link")
+
+
+def test_a_frame_of_a_wrong_or_missing_name_is_renamed(recwarn):
+    joined = tree(("map", "odom", (5, 5, 0)), ("odom", "base_link", (1, 0, 0)))
+    for name in ("", "odom", "wheels", "base_link"):
+        assert (
+            message_frames(FramesConfig(odom="odom", base="base_link"), odometry(name), joined).odom == "odom"
+        )
+    assert not recwarn
 
 
 def test_a_ring_of_frames_ends():
