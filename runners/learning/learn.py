@@ -12,6 +12,7 @@ from lme.errors import InputError, require
 from lme.guides.lme.weight_files import NETWORK, find_network, with_network
 from lme.requirements import install
 from runners.config import build, instantiate
+from runners.config.escaping import counted
 from runners.config.job import Job, named_option
 from runners.config.quoting import lme_command, override
 from runners.config.schema import LearnConfig
@@ -24,6 +25,7 @@ from runners.records.run_directories import locked
 from runners.reports.analysis import failures
 from runners.reports.analysis.summary import metrics, metrics_by_map
 from runners.tracking.tracking import closed_by, parameters
+from runners.training.families import check_left_out
 from runners.training.held_out import evaluate_held_out, held_out_places, report_held_out
 from runners.workers import imitation_rollouts
 from runners.workers.imitation_rollouts import Expert, RolloutPayload
@@ -48,6 +50,7 @@ def validate(job: Job[LearnConfig]) -> None:
     evaluate.check_report(job)
     build.check_episodes(config)
     _check_network(job)
+    check_left_out(config.training, job.choices)
     _check_worlds(config)
     for key in ("validation", "threads"):
         require(key, getattr(config, key), at_least=1)
@@ -158,8 +161,9 @@ def _check_network(job: Job[LearnConfig]) -> None:
 
 def _check_worlds(config: LearnConfig) -> None:
     """Raise InputError unless the training maps have worlds that are not held out."""
-    if not config.training:
-        raise InputError("training is {}: must hold at least one map set")
+    chosen = {name: node for name, node in config.training.items() if node is not None}
+    if not chosen:
+        raise InputError("training has no family of worlds: must hold at least one map set")
     require("first_world", config.first_world, at_least=0)
     for node in list(config.held_out.values()) or [config.map]:
         last = max(build.map_set(replace(config, map=node)).numbers)
@@ -167,7 +171,7 @@ def _check_worlds(config: LearnConfig) -> None:
             raise InputError(
                 f"first_world is {config.first_world}: must be above {last}, the last held-out world"
             )
-    for name, node in config.training.items():
+    for name, node in chosen.items():
         try:
             build.map_set(replace(config, map=node), [config.first_world])
         except InputError as error:
@@ -203,7 +207,7 @@ def _register(job: Job[LearnConfig], run: Run, held_out: Mapping[str, Any]) -> l
     command = lme_command("eval", *weight_file.driven(job, [key]), override(key, name), folders=job.folders)
     files = weight_file.register_network(job.run_dir, name, metadata, command)
     if not held_out:
-        print(f"Best validation success of {len(run.rows)} networks: {run.best:.3f}")
+        print(f"Best validation success of {counted(len(run.rows), 'network')}: {run.best:.3f}")
         print(f"Network: {files[0]}; use it with: {command}")
     return files
 

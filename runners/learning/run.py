@@ -203,7 +203,7 @@ class Run:
         return [names[i] for i in rng.choice(len(names), count, p=shares / shares.sum())]
 
     def _places(self, first: int, count: int) -> list[tuple[str, int]]:
-        names = list(self.config.training)
+        names = [name for name, node in self.config.training.items() if node is not None]
         return [(names[i % len(names)], self.config.first_world + i) for i in range(first, first + count)]
 
     def generator(self, part: int) -> torch.Generator:

@@ -23,13 +23,7 @@ def families(config: TrainConfig, choices: Mapping[str, str]) -> Families:
 
     A family is driven by its own robot if that is larger than the one trained for. Raises InputError if none is left.
     """
-    # Without a map set, a family in which nothing was chosen is a mistyped one.
-    known = [name for name in config.training if f"map@{TRAINING}{name}" in choices]
-    unknown = [name for name, node in config.training.items() if node is None and name not in known]
-    if unknown:
-        raise InputError(
-            f"training.{unknown[0]}: no such family; {nearest(unknown[0], known)}must be one of {', '.join(known)}"
-        )
+    check_left_out(config.training, choices)
     if config.map:
         return {choices["map"]: config}
     for key in ("training_robots", "training_radius"):
@@ -51,6 +45,16 @@ def families(config: TrainConfig, choices: Mapping[str, str]) -> Families:
             f"on one map alone with map=MAP{left_out}"
         )
     return suitable
+
+
+def check_left_out(training: Mapping[str, object], choices: Mapping[str, str]) -> None:
+    """Raise InputError for a family that `training.NAME=null` leaves out, but that no option has chosen."""
+    known = [name for name in training if f"map@{TRAINING}{name}" in choices]
+    for name, node in training.items():
+        if node is None and name not in known:
+            raise InputError(
+                f"training.{name}: no such family; {nearest(name, known)}must be one of {', '.join(known)}"
+            )
 
 
 def check_map_alone(map_option: str, overrides: Iterable[str]) -> None:

@@ -176,7 +176,8 @@ def _key(word: str, available: Sequence[EpisodeKey]) -> EpisodeKey:
     if not runs:
         worlds = sorted({key.world for key in available}, key=lambda number: (abs(number - world), number))
         nearest = ", ".join(map(str, sorted(worlds[:_NEAREST])))
-        raise InputError(f"world {world} was not driven in this run: those nearest to it are {nearest}")
+        those = "the nearest is" if len(worlds) == 1 else "those nearest to it are"
+        raise InputError(f"world {world} was not driven in this run: {those} {nearest}")
     if run not in runs:
         raise InputError(f"world {world} has no run {run}: it has {', '.join(map(str, runs))}")
     return EpisodeKey(world, run)

@@ -16,6 +16,8 @@ import yaml
 
 from lme.inputs.onnx_graph import read_weights
 from runners.cli.main import main
+from runners.config.command_line import compose
+from runners.learning import learn
 from tests.composing import last_of_each
 from tests.networks import network_file, subgoal_file
 from tests.places import ROOT
@@ -291,6 +293,8 @@ def test_reinforcement_killed_and_resumed_ends_with_its_steps():
         ["planner=dclp_barn", "robots.v_max=[1,2]"],
         ["first_world=3"],
         ["training.fresh.subset=all"],
+        ["training.frsh=null"],
+        ["training.fresh=null", "training.fresh_hard=null"],
         ["learner=ppo", "sim=physics"],
         ["learner=ppo", "robot=turtlebot2"],
         ["learner=sac", "learner.alpha=-1"],
@@ -319,8 +323,12 @@ def test_a_mistake_in_learn_is_one_line_and_writes_nothing(words, capsys, says):
     assert sorted(Path().rglob("*")) == before
 
 
+def test_a_training_map_can_be_left_out():
+    (job,) = compose("learn", [*IN_PROCESS, "training.fresh_hard=null"])
+    learn.validate(job)
+
+
 def test_without_torch_learn_says_what_to_install(monkeypatch, capsys, says):
-    from runners.learning import learn
 
     monkeypatch.setattr(learn, "find_spec", lambda package: None)
     assert main(["learn", *IN_PROCESS]) == 2
