@@ -220,6 +220,11 @@ def _to_open(path: Path) -> Path:
         problem = "its metadata.yaml names no storage that can be read (storage_identifier: mcap or sqlite3)"
     # Without it, a single recording in the folder leaves no doubt.
     files = [file for file in path.iterdir() if file.suffix in (".db3", ".mcap")]
+    ros1 = sorted(file.name for file in path.iterdir() if file.suffix == ".bag")
+    if ros1 and not files:
+        raise InputError(
+            f"bag {path}: is a folder of ROS 1 recordings: give one of them, such as {path / ros1[0]}"
+        )
     if len(files) != 1:
         raise InputError(
             f"bag {path}: {problem}: make it with `ros2 bag reindex {path}`, or give a file in it, one of "

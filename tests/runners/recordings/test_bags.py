@@ -183,6 +183,11 @@ def test_a_folder_whose_metadata_names_no_storage_is_read_if_it_has_one_file(tmp
     assert "`ros2 bag reindex" in refused(file.parent)
 
 
+def test_a_folder_of_ros_1_recordings(tmp_path):
+    file = drive(".bag", steps=2).write(tmp_path)
+    assert f"give one of them, such as {file}" in refused(file.parent)
+
+
 def test_metadata_that_names_a_missing_file(tmp_path):
     file = drive(".db3", steps=2).write(tmp_path)
     metadata = file.with_name("metadata.yaml")
