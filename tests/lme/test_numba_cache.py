@@ -141,6 +141,9 @@ def test_a_kernel_follows_a_change_of_a_kernel_that_it_calls(tmp_path):
     shutil.copytree(ROOT / "lme", copy, ignore=shutil.ignore_patterns("__pycache__"))
     (copy / "geometry" / "caller.py").write_text(CALLER.format(name="called"))
     environment = {**os.environ, "PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": ""}
+    environment["PYTHONDONTWRITEBYTECODE"] = (
+        "1"  # Python's own files of bytecode know times to the second only
+    )
     command = [sys.executable, "-c", "from lme.geometry.caller import caller; print(caller())"]
     for value in ("1", "2"):
         (copy / "geometry" / "called.py").write_text(CALLED.format(value=value))

@@ -82,7 +82,7 @@ def test_a_run_leaves_its_study_weights_pictures_and_evaluation(trained):
     assert "There was no race" in (run_dir / "report.html").read_text()
     assert all(path.is_file() for path in links(run_dir / "report.html"))
     for what in ("the start", "the result"):
-        assert f"Now {what}: 2 worlds of env1 that training never saw, 1 runs each" in said
+        assert f"Now {what}: 2 worlds of env1 that training never saw, 1 run each" in said
     assert "Best of 7 trials" in said
 
 
