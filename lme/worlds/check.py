@@ -30,14 +30,14 @@ def check_task(task: Task, robot: Robot) -> None:
             "must be driven with lme eval, or be another map"
         )
     present = [mover for mover in task.world.movers if mover.times is None or mover.times[0] == 0.0]
-    worlds = task.world, _at_their_start(present)
+    worlds = task.world, *_at_their_start(present)
     if min(footprint_clearance(world, robot.footprint, task.start) for world in worlds) <= 0.0:
         raise InputError(
             f"{subject}: robot {robot.name} is in collision at the start {_coordinates(task.start)}: "
             "must be free (move the start, or choose another world)"
         )
     standing = [mover for mover in task.world.movers if len(mover.path) == 1 and not mover.walks]
-    clearance = min(point_clearance(world, task.goal) for world in (task.world, _at_their_start(standing)))
+    clearance = min(point_clearance(world, task.goal) for world in (task.world, *_at_their_start(standing)))
     if clearance <= 0.0:
         raise InputError(
             f"{subject}: the goal {_coordinates(task.goal)} lies inside an obstacle: "
@@ -94,12 +94,14 @@ def footprint_clearance(world: World, footprint: Footprint, pose: Pose) -> float
     return sweep(np.array([pose], dtype=np.float64), footprint.box, circles, world.edges)[0]
 
 
-def _at_their_start(movers: Sequence[Mover]) -> World:
-    """Return a world with movers as static obstacles where their paths begin."""
+def _at_their_start(movers: Sequence[Mover]) -> tuple[World, ...]:
+    """Return a world with movers as static obstacles where their paths begin; none without movers."""
+    if not movers:
+        return ()
     discs = [(*mover.path[0, :2], mover.radius) for mover in movers if mover.outline is None]
     outlines = [(mover.outline, Pose(*mover.path[0])) for mover in movers if mover.outline is not None]
     polygons = tuple(to_world(outline, pose) for outline, pose in outlines)
-    return World(np.reshape(np.array(discs, dtype=np.float64), (-1, 3)), polygons=polygons)
+    return (World(np.reshape(np.array(discs, dtype=np.float64), (-1, 3)), polygons=polygons),)
 
 
 def _coordinates(numbers: Iterable[float]) -> str:

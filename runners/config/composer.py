@@ -339,12 +339,17 @@ def refuse_conflicts(
         _check_fresh(key, configs)
     if "weights" in texts:
         _check_weights(texts["weights"], configs)
-    for key, text in texts.items():
-        if key.partition(".")[0] in (systems.ABLATION, "experiment"):
-            _check_ablation(text, configs)
+    setting = (
+        text for key, text in texts.items() if key.partition(".")[0] in (systems.ABLATION, "experiment")
+    )
+    if text := next(setting, ""):
+        _check_ablation(text, configs)
     if "system" in texts:
-        for config in configs:
-            _check_system(chosen_options(config.hydra), set(texts), catalogue)
+        groups = ("system", "experiment", *systems.PAIR)
+        choices = (chosen_options(config.hydra) for config in configs)
+        # Jobs of a sweep share their choices: check each once.
+        for options in dict.fromkeys(tuple(each.get(group, "") for group in groups) for each in choices):
+            _check_system(dict(zip(groups, options, strict=True)), set(texts), catalogue)
 
 
 def _check_fresh(key: str, configs: Collection[DictConfig]) -> None:
@@ -403,14 +408,14 @@ def _check_ablation(text: str, configs: Collection[DictConfig]) -> None:
 
 def _check_system(choices: Mapping[str, str], typed: Collection[str], catalogue: Catalogue) -> None:
     """Raise InputError if an experiment replaces the guide or the planner of the system that was typed."""
-    name = choices.get("system", "")
+    name = choices["system"]
     if not catalogue.has(f"system/{name}"):
         return
     pair = catalogue.option(f"system/{name}").choices
     for group in systems.PAIR:
-        if group not in typed and choices.get(group) != pair.get(group):
+        if group not in typed and choices[group] != pair.get(group):
             raise InputError(
-                f"system={name}: experiment={choices.get('experiment')} chooses {group}={choices.get(group)} instead; "
+                f"system={name}: experiment={choices['experiment']} chooses {group}={choices[group]} instead; "
                 "give guide= and planner=, or let the experiment choose by `override /system`"
             )
 

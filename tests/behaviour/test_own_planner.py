@@ -77,15 +77,20 @@ def test_an_error_of_the_planner_is_shown_where_it_happened_and_ends_its_job_alo
     assert "HYDRA_FULL_ERROR" not in said
 
 
-@pytest.mark.parametrize("group", ["guide", "planner", "map"])
-def test_a_class_without_its_methods_is_refused_before_it_runs(folder, capsys, says, group):
+def refuse(folder, group, name, body):
+    """Drive with a class of the user's own as an option of a group, which is refused."""
     part = "from dataclasses import dataclass\n@dataclass\nclass Config:\n    pass\n"
-    part += "class Bare:\n    Config = Config\n    def __init__(self, config, robot=None):\n        pass\n"
-    (folder / "bad.py").write_text(part)
+    (folder / "bad.py").write_text(f"{part}class {name}:\n    Config = Config\n{body}")
     own = folder / "mine" / group
     own.mkdir(parents=True)
-    (own / "bare.yaml").write_text("_target_: bad.Bare\n")
-    assert main(["eval", "--config-dir", "mine", f"{group}=bare", "tracking=none", "executor=serial"]) == 2
+    (own / f"{name.lower()}.yaml").write_text(f"_target_: bad.{name}\n")
+    words = [f"{group}={name.lower()}", "tracking=none", "executor=serial"]
+    assert main(["eval", "--config-dir", "mine", *words]) == 2
+
+
+@pytest.mark.parametrize("group", ["guide", "planner", "map"])
+def test_a_class_without_its_methods_is_refused_before_it_runs(folder, capsys, says, group):
+    refuse(folder, group, "Bare", "    def __init__(self, config, robot=None):\n        pass\n")
     says(capsys.readouterr().err)
 
 
@@ -108,12 +113,6 @@ MAP = {"__init__": "self, config", "task": "self, number"}
     ],
 )
 def test_a_method_that_takes_other_arguments_is_refused_before_it_runs(folder, capsys, says, group, methods):
-    part = "from dataclasses import dataclass\n@dataclass\nclass Config:\n    pass\n"
-    part += "class Odd:\n    Config = Config\n    numbers = (0,)\n"
-    part += "".join(f"    def {name}({arguments}): ...\n" for name, arguments in methods.items())
-    (folder / "bad.py").write_text(part)
-    own = folder / "mine" / group
-    own.mkdir(parents=True)
-    (own / "odd.yaml").write_text("_target_: bad.Odd\n")
-    assert main(["eval", "--config-dir", "mine", f"{group}=odd", "tracking=none", "executor=serial"]) == 2
+    body = "".join(f"    def {name}({arguments}): ...\n" for name, arguments in methods.items())
+    refuse(folder, group, "Odd", f"    numbers = (0,)\n{body}")
     says(capsys.readouterr().err)

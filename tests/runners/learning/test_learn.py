@@ -329,7 +329,6 @@ def test_a_training_map_can_be_left_out():
 
 
 def test_without_torch_learn_says_what_to_install(monkeypatch, capsys, says):
-
     monkeypatch.setattr(learn, "find_spec", lambda package: None)
     assert main(["learn", *IN_PROCESS]) == 2
     says(capsys.readouterr().err)
